@@ -1,0 +1,63 @@
+"""The shapes of one split as arrays: what training and evaluation work on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from tactile_core.dataset.pictures import decode_masks
+from tactile_core.errors import TactileError
+
+SPLITS = ("train", "eval", "test")
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """N rotated masks of one split with their outlines.
+
+    masks : (N, R, R) bool
+    outlines : list of N arrays (K_i, 2) int16, outline pixels as (row, column)
+    sample_ids, model_ids, categories : (N,) str arrays
+    """
+
+    masks: np.ndarray
+    outlines: list[np.ndarray]
+    sample_ids: np.ndarray
+    model_ids: np.ndarray
+    categories: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.masks)
+
+    @property
+    def resolution(self) -> int:
+        return self.masks.shape[-1]
+
+
+def load_shapes(rotated_splits: pd.DataFrame, outlines: pd.DataFrame, split: str) -> Shapes:
+    """The shapes of `split` ("train", "eval" or "test"), in the order of `rotated_splits`.
+
+    Raises `TactileError` where the split is empty or a sample has no outline.
+    """
+    rows = rotated_splits[rotated_splits["split"] == split]
+    if rows.empty:
+        raise TactileError(f"the {split} split is empty: rotated_splits has too few models")
+    by_sample = outlines.set_index("sample_id")["outline"]
+    missing = set(rows["sample_id"]) - set(by_sample.index)
+    if missing:
+        raise TactileError(
+            f"{len(missing)} samples have no outline (first: {min(missing)}): "
+            "materialise outlines again"
+        )
+    return Shapes(
+        masks=decode_masks(rows["mask"]),
+        outlines=[as_points(by_sample[sample]) for sample in rows["sample_id"]],
+        sample_ids=rows["sample_id"].to_numpy(dtype=str),
+        model_ids=rows["model_id"].to_numpy(dtype=str),
+        categories=rows["category"].to_numpy(dtype=str),
+    )
+
+
+def as_points(cell: np.ndarray) -> np.ndarray:
+    """A table cell that holds (row, column) pairs as a (K, 2) int16 array."""
+    return np.array([tuple(point) for point in cell], dtype=np.int16).reshape(-1, 2)

@@ -1,0 +1,1 @@
+"""Report, section VI: rays, the environment, and policies that choose the next ray."""

@@ -1,0 +1,1 @@
+"""Report, section V: a U-Net that reconstructs a mask from touches."""

@@ -1,0 +1,212 @@
+"""Every setting of the platform, written once: one model per stage, and the three profiles.
+
+The Dagster layer mixes these models into its run config, so bounds and descriptions appear
+in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop or paper) and
+`TACTILE_SHAPENET` (where the meshes come from; unset: generated mugs and bottles).
+"""
+
+import os
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tactile_core.errors import TactileError
+
+RESOLUTION = Field(64, ge=32, le=1024, multiple_of=16, description="Mask height and width R.")
+SEED = Field(0, ge=0, description="Seed of every random choice in this stage.")
+
+
+class Settings(BaseModel):
+    """Base of all settings: read-only, and a misspelt field is refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class MeshSettings(Settings):
+    """Where the 3D models come from (report, section IV)."""
+
+    location: str | None = Field(
+        None,
+        description="Folder or http(s)/fsspec URL that holds <synset>.zip, <synset>/ or "
+        "<class>/ for each class; empty: meshes are generated.",
+    )
+    classes: dict[str, str] = Field(
+        {"mug": "03797390", "bottle": "02876657"},
+        description="Class name → ShapeNet synset, or the URL of its archive.",
+    )
+    procedural_models: dict[str, int] = Field(
+        {"mug": 214, "bottle": 498},
+        description="How many meshes to generate per class, when no location is given.",
+    )
+    models_per_class: int | None = Field(
+        None, ge=1, description="Keep at most so many meshes of each class; empty: all."
+    )
+    sha256: dict[str, str] = Field(
+        {}, description="Class name → expected SHA-256 of its archive, where known."
+    )
+    seed: int = SEED
+
+
+class MaskSettings(Settings):
+    """How a mesh becomes a silhouette (report, section IV)."""
+
+    resolution: int = RESOLUTION
+    renderer: Literal["auto", "pyrender", "rasteriser"] = Field(
+        "auto", description="auto: pyrender where OpenGL works, else the rasteriser."
+    )
+
+
+class SplitSettings(Settings):
+    """Train, eval and test models, and how often each mask is rotated (report, section IV)."""
+
+    eval_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for eval.")
+    test_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for test.")
+    rotations: int = Field(5, ge=1, description="Random in-plane rotations of each mask.")
+    seed: int = SEED
+
+
+class TouchSettings(Settings):
+    """Touch sets drawn from each outline (report, section IV)."""
+
+    sets_per_mask: int = Field(5, ge=1, description="Touch sets drawn for each mask.")
+    fewest: int = Field(1, ge=0, description="Fewest touches in a set.")
+    most: int = Field(10, ge=1, description="Most touches in a set.")
+    seed: int = SEED
+
+
+class SearchSettings(Settings):
+    """BOHB search over the U-Net's hyperparameters (report, section V and Table I)."""
+
+    trials: int = Field(12, ge=1, description="Hyperparameter settings tried.")
+    epochs: int = Field(4, ge=1, description="Most epochs a trial may train.")
+    samples_per_epoch: int | None = Field(
+        None, ge=1, description="Masks seen per epoch; empty: all of the train split."
+    )
+    concurrent: int = Field(1, ge=1, description="Trials at a time; 1 repeats exactly.")
+    reduction_factor: int = Field(4, ge=2, description="HyperBand's reduction factor.")
+    learning_rate: list[float] = Field(
+        [1e-4, 3e-3], min_length=2, max_length=2, description="Log-uniform range."
+    )
+    batch_sizes: list[int] = Field([16, 32, 64], min_length=1, description="Choices.")
+    depths: list[int] = Field([3, 4], min_length=1, description="Choices.")
+    channels: list[int] = Field([8, 16], min_length=1, description="Choices.")
+    seed: int = SEED
+
+
+class UNetSettings(Settings):
+    """The final training of the reconstruction U-Net (report, section V).
+
+    `learning_rate`, `batch_size`, `depth` and `channels` come from the best search trial
+    unless they are given here.
+    """
+
+    learning_rate: float | None = Field(None, gt=0, description="Empty: best trial's.")
+    batch_size: int | None = Field(None, ge=1, description="Empty: best trial's.")
+    depth: int | None = Field(None, ge=1, le=6, description="Levels. Empty: best trial's.")
+    channels: int | None = Field(
+        None, ge=1, description="Channels of the first level. Empty: best trial's."
+    )
+    epochs: int = Field(40, ge=1, description="Most epochs.")
+    patience: int = Field(
+        8, ge=1, description="Stop after so many epochs without a better eval loss."
+    )
+    seed: int = SEED
+
+
+class PolicySettings(Settings):
+    """PPO training of the policies (report, section VI.B)."""
+
+    approaches: list[str] = Field(
+        ["diff", "total", "total_miss", "pre_diff_miss"],
+        min_length=1,
+        description="Training approaches, by name.",
+    )
+    seeds: list[int] = Field([0], min_length=1, description="One training for each seed.")
+    steps_per_stage: int = Field(65_536, ge=1, description="Rays cast per training stage.")
+    environments: int = Field(32, ge=1, description="Environments stepped as one batch.")
+    rays_per_rollout: int = Field(
+        64, ge=1, description="Rays in each environment between two PPO updates."
+    )
+    batch_size: int = Field(512, ge=2, description="PPO minibatch size.")
+    epochs: int = Field(4, ge=1, description="PPO epochs per update.")
+    learning_rate: float = Field(3e-4, gt=0, description="PPO learning rate.")
+    entropy: float = Field(0.01, ge=0, description="PPO entropy coefficient.")
+
+
+class EvaluationSettings(Settings):
+    """Roll-outs over the test split (report, section VII)."""
+
+    references: list[str] = Field(
+        ["random", "even", "coverage", "uncertainty", "oracle"],
+        description="Reference policies to stand beside the trained ones.",
+    )
+    deterministic: bool = Field(
+        True, description="Trained policies take their most likely ray; else they draw one."
+    )
+    count: int = Field(10, ge=1, description="Rays (per step) or touches (per grasp).")
+    ray_limit: int = Field(100, ge=1, description="Most rays per roll-out (per grasp).")
+    resamples: int = Field(2000, ge=10, description="Bootstrap resamples for 95 % intervals.")
+    seed: int = SEED
+
+
+class Profile(Settings):
+    """The settings of all stages for one kind of machine."""
+
+    name: str
+    meshes: MeshSettings = MeshSettings()
+    masks: MaskSettings = MaskSettings()
+    splits: SplitSettings = SplitSettings()
+    touches: TouchSettings = TouchSettings()
+    search: SearchSettings = SearchSettings()
+    unet: UNetSettings = UNetSettings()
+    policies: PolicySettings = PolicySettings()
+    per_step: EvaluationSettings = EvaluationSettings()
+    per_grasp: EvaluationSettings = EvaluationSettings(deterministic=False)
+
+
+PROFILES = {
+    "smoke": Profile(
+        name="smoke",
+        meshes=MeshSettings(procedural_models={"mug": 12, "bottle": 18}),
+        splits=SplitSettings(rotations=2),
+        touches=TouchSettings(sets_per_mask=2),
+        search=SearchSettings(
+            trials=2, epochs=2, batch_sizes=[8], depths=[3], channels=[8], learning_rate=[1e-3, 3e-3]
+        ),
+        unet=UNetSettings(epochs=12),
+        policies=PolicySettings(
+            steps_per_stage=512, environments=16, rays_per_rollout=16, batch_size=128
+        ),
+        per_step=EvaluationSettings(resamples=200),
+        per_grasp=EvaluationSettings(resamples=200, deterministic=False, ray_limit=60),
+    ),
+    "laptop": Profile(name="laptop"),
+    "paper": Profile(
+        name="paper",
+        masks=MaskSettings(resolution=256),
+        search=SearchSettings(
+            trials=100,
+            epochs=10,
+            learning_rate=[1e-7, 1e-2],
+            batch_sizes=[4, 8, 16],
+            depths=[3, 4, 5, 6],
+            channels=[16, 32, 64, 128, 256],
+        ),
+        unet=UNetSettings(epochs=200, patience=20),
+        policies=PolicySettings(seeds=[0, 1, 2], steps_per_stage=500_000),
+    ),
+}
+
+
+def active_profile(environ: Mapping[str, str] = os.environ) -> Profile:
+    """The profile that `TACTILE_PROFILE` names (default laptop), with `TACTILE_SHAPENET` applied."""
+    name = environ.get("TACTILE_PROFILE") or "laptop"
+    if name not in PROFILES:
+        raise TactileError(
+            f"TACTILE_PROFILE={name!r} is unknown: choose one of {', '.join(PROFILES)}"
+        )
+    profile = PROFILES[name]
+    location = environ.get("TACTILE_SHAPENET") or None
+    meshes = profile.meshes.model_copy(update={"location": location})
+    return profile.model_copy(update={"meshes": meshes})
