@@ -8,6 +8,7 @@ import uuid
 from collections.abc import Iterator
 from typing import IO, Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -39,29 +40,35 @@ def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
 def write_table(
     table: pd.DataFrame, path: str | os.PathLike | UPath, schema: pa.Schema | None = None
 ) -> None:
-    """Write `table` as one Parquet file, whole or not at all."""
-    arrow = pa.Table.from_pandas(table, schema=schema, preserve_index=False)
+    """Write `table` as one Parquet file, whole or not at all.
+
+    A column of (K, 2) arrays, such as outlines, is stored as lists of pairs.
+    """
+    arrow = _to_arrow(table, schema)
     with written_whole(path) as file:
-        pq.write_table(arrow.replace_schema_metadata(None), file, compression="zstd")
+        pq.write_table(arrow, file, compression="zstd")
 
 
 def read_table(path: str | os.PathLike | UPath) -> pd.DataFrame:
-    """Read a Parquet file; raises `TactileError` where it is missing or damaged."""
+    """Read a Parquet file, a column of lists of pairs as (K, 2) arrays.
+
+    Raises `TactileError` where the file is missing or damaged.
+    """
     source = UPath(path)
     if not source.exists():
         raise TactileError(f"{source} is missing: materialise the asset that writes it first")
     try:
-        return pq.read_table(io.BytesIO(source.read_bytes())).to_pandas()
+        arrow = pq.read_table(io.BytesIO(source.read_bytes()))
     except pa.ArrowInvalid as error:
         raise TactileError(f"{source} is not a readable Parquet file ({error}): delete it and "
                            "materialise its asset again") from error
+    return _from_arrow(arrow)
 
 
 def table_hash(table: pd.DataFrame) -> str:
     """Hash of a table's content (16 hex digits), independent of index and file format."""
-    arrow = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(None)
     sink = io.BytesIO()
-    pq.write_table(arrow, sink, compression="none")
+    pq.write_table(_to_arrow(table), sink, compression="none")
     return content_hash(sink.getvalue())
 
 
@@ -73,3 +80,36 @@ def content_hash(*parts: bytes | str | Any) -> str:
         digest.update(len(data).to_bytes(8, "little"))
         digest.update(data)
     return digest.hexdigest()[:16]
+
+
+def _to_arrow(table: pd.DataFrame, schema: pa.Schema | None = None) -> pa.Table:
+    pairs = {
+        name: pd.arrays.ArrowExtensionArray(pa.chunked_array([_lists_of_pairs(cells)]))
+        for name, cells in table.items()
+        if len(cells) and isinstance(cells.iloc[0], np.ndarray) and cells.iloc[0].ndim == 2
+    }
+    arrow = pa.Table.from_pandas(table.assign(**pairs), schema=schema, preserve_index=False)
+    return arrow.replace_schema_metadata(None)
+
+
+def _lists_of_pairs(cells: pd.Series) -> pa.ListArray:
+    """Arrays (K, 2) as one Arrow array; row by row Arrow would not take them."""
+    starts = np.cumsum([0, *map(len, cells)], dtype=np.int32)
+    numbers = pa.array(np.concatenate(cells.to_list()).ravel())
+    return pa.ListArray.from_arrays(starts, pa.FixedSizeListArray.from_arrays(numbers, 2))
+
+
+def _from_arrow(arrow: pa.Table) -> pd.DataFrame:
+    pairs = [
+        field.name
+        for field in arrow.schema
+        if pa.types.is_list(field.type) and pa.types.is_fixed_size_list(field.type.value_type)
+    ]
+    table = arrow.drop_columns(pairs).to_pandas()
+    for name in pairs:
+        lists = arrow[name].combine_chunks()
+        numbers = lists.flatten().flatten().to_numpy().reshape(-1, 2)
+        ends = np.cumsum(lists.value_lengths().to_numpy())
+        cells = pd.Series(np.split(numbers, ends[:-1]) if len(ends) else [], dtype=object)
+        table.insert(arrow.schema.get_field_index(name), name, cells)
+    return table

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from tactile_core.dataset.pictures import decode_masks
 from tactile_core.errors import TactileError
 
 SPLITS = ("train", "eval", "test")
+POINTS = pa.list_(pa.list_(pa.int16(), 2))  # how tables store (row, column) points
 
 
 @dataclass(frozen=True)
@@ -59,5 +61,10 @@ def load_shapes(rotated_splits: pd.DataFrame, outlines: pd.DataFrame, split: str
 
 
 def as_points(cell: np.ndarray) -> np.ndarray:
-    """A table cell that holds (row, column) pairs as a (K, 2) int16 array."""
+    """A table cell that holds (row, column) pairs as a (K, 2) int16 array.
+
+    `read_table` gives such arrays already; pandas by itself gives an array of pairs.
+    """
+    if isinstance(cell, np.ndarray) and cell.ndim == 2:
+        return cell.astype(np.int16, copy=False)
     return np.array([tuple(point) for point in cell], dtype=np.int16).reshape(-1, 2)

@@ -1,0 +1,54 @@
+"""Touches: points drawn from an outline, and the image that shows them (report, section IV)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from tactile_core.dataset.seeds import generator
+from tactile_core.dataset.shapes import as_points
+from tactile_core.errors import TactileError
+from tactile_core.settings import TouchSettings
+
+
+def sample_touches(outlines: pd.DataFrame, settings: TouchSettings) -> pd.DataFrame:
+    """`sets_per_mask` touch sets of each outline: sample_id, model_id, category, split, set, touches.
+
+    A set has `fewest` to `most` different points, each number equally likely, and never more
+    than the outline has. It depends on the seed and its sample only.
+    """
+    if settings.fewest > settings.most:
+        raise TactileError(
+            f"touches.fewest ({settings.fewest}) exceeds touches.most ({settings.most}): "
+            "set fewest to at most most"
+        )
+    sets, touches = [], []
+    for sample, cell in zip(outlines["sample_id"], outlines["outline"], strict=True):
+        points = as_points(cell)
+        random = generator(settings.seed, sample)
+        for number in range(settings.sets_per_mask):
+            count = random.integers(settings.fewest, settings.most, endpoint=True)
+            chosen = random.choice(len(points), min(count, len(points)), replace=False)
+            sets.append(number)
+            touches.append(points[chosen])
+    rows = np.repeat(np.arange(len(outlines)), settings.sets_per_mask)
+    table = outlines[["sample_id", "model_id", "category", "split"]].iloc[rows]
+    return table.reset_index(drop=True).assign(set=sets, touches=pd.Series(touches, dtype=object))
+
+
+def rasterise_touches(touches: Sequence[np.ndarray], resolution: int) -> np.ndarray:
+    """N sets of (k, 2) touches as (N, R, R) bool images, True where a touch is."""
+    images = np.zeros((len(touches), resolution, resolution), dtype=bool)
+    if len(touches) == 0:
+        return images
+    image = np.repeat(np.arange(len(touches)), [len(points) for points in touches])
+    row, column = np.concatenate([as_points(points) for points in touches]).T
+    if row.size and (
+        min(row.min(), column.min()) < 0 or max(row.max(), column.max()) >= resolution
+    ):
+        raise TactileError(
+            f"touches lie outside a {resolution}×{resolution} image: they come from masks of "
+            "another resolution"
+        )
+    images[image, row, column] = True
+    return images
