@@ -1,0 +1,83 @@
+"""Training batches: masks with touches drawn afresh from their outlines each time."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_core.dataset.shapes import Shapes
+
+# Draws touches for the shapes at `indices` (B,): returns points (B, K, 2) int and which of
+# them count, (B, K) bool.
+DrawTouches = Callable[[np.random.Generator, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+FEWEST, MOST = 1, 10  # touches held, as the report trains (section V)
+
+
+@dataclass(frozen=True)
+class OutlinePoints:
+    """The outlines of N shapes padded to one length: points (N, K, 2), lengths (N,)."""
+
+    points: np.ndarray
+    lengths: np.ndarray
+
+
+def pad_outlines(outlines: list[np.ndarray]) -> OutlinePoints:
+    """Outlines (K_i, 2) as one array, so that touches of a whole batch are drawn at once."""
+    lengths = np.array([len(outline) for outline in outlines])
+    points = np.zeros((len(outlines), lengths.max(), 2), np.int16)
+    for row, outline in zip(points, outlines, strict=True):
+        row[: len(outline)] = outline
+    return OutlinePoints(points, lengths)
+
+
+def outline_touches(shapes: Shapes, fewest: int = FEWEST, most: int = MOST) -> DrawTouches:
+    """Draws `fewest` to `most` touches uniformly from each outline."""
+    outlines = pad_outlines(shapes.outlines)
+
+    def draw(rng: np.random.Generator, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        lengths = outlines.lengths[indices, None]
+        chosen = (rng.random((len(indices), most)) * lengths).astype(np.intp)
+        held = np.arange(most) < rng.integers(fewest, most + 1, (len(indices), 1))
+        return outlines.points[indices[:, None], chosen], held
+
+    return draw
+
+
+def touch_images(points: np.ndarray, held: np.ndarray, resolution: int) -> np.ndarray:
+    """Touches (B, K, 2) of which `held` (B, K) count, as images (B, R, R) uint8, 0 or 1."""
+    images = np.zeros((len(points), resolution, resolution), np.uint8)
+    image, touch = np.nonzero(held)
+    rows, columns = points[image, touch].T
+    images[image, rows, columns] = 1
+    return images
+
+
+def training_batches(
+    shapes: Shapes,
+    batch_size: int,
+    rng: np.random.Generator,
+    draw: DrawTouches,
+    samples: int | None = None,
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """One epoch in random order: (touches (B, R, R) uint8, masks (B, R, R) bool) pairs.
+
+    Each batch is turned and flipped into one of its eight orientations: a shape seen from
+    the other side is as good a shape. `samples` ends the epoch early.
+    """
+    order = rng.permutation(len(shapes))[:samples]
+    for start in range(0, len(order), batch_size):
+        indices = order[start : start + batch_size]
+        points, held = draw(rng, indices)
+        touches = touch_images(points, held, shapes.resolution)
+        yield orient(touches, shapes.masks[indices], int(rng.integers(8)))
+
+
+def orient(
+    touches: np.ndarray, masks: np.ndarray, orientation: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Both (B, R, R) arrays in one of eight orientations: quarter turns, then a flip."""
+    turned = [np.rot90(images, orientation % 4, axes=(1, 2)) for images in (touches, masks)]
+    if orientation >= 4:
+        turned = [images[:, :, ::-1] for images in turned]
+    return np.ascontiguousarray(turned[0]), np.ascontiguousarray(turned[1])

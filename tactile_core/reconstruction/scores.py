@@ -1,0 +1,95 @@
+"""How well the U-Net reconstructs: the report's Table II, and Jaccard by number of touches."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pandas as pd
+
+from tactile_core.dataset.shapes import Shapes, as_points
+from tactile_core.reconstruction.batches import outline_touches
+from tactile_core.reconstruction.inference import best_device
+from tactile_core.reconstruction.jaccard import jaccard_index
+from tactile_core.reconstruction.trained import TrainedUNet
+from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
+
+OVERFIT_TOUCHES = 60
+
+
+def evaluate_reconstruction(
+    unet: TrainedUNet,
+    shapes: Mapping[str, Shapes],
+    tactile_samples: pd.DataFrame,
+    *,
+    most: int = 10,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda message: None,
+) -> pd.DataFrame:
+    """Rows (split, touches, loss, jaccard 0–100, samples) for each split of `shapes`.
+
+    A row with empty `touches` is over the stored touch sets (Table II); the others hold
+    exactly 0…`most` touches, drawn afresh from each outline.
+    """
+    rows = []
+    net = unet.net()
+    device = best_device()
+    net.to(device, memory_format=torch.channels_last)
+    for split, some in shapes.items():
+        sets = touch_sets_of(some, tactile_samples)
+        masks = some.masks[[index for index, _ in sets]]
+        loss, scores = evaluate(net, [points for _, points in sets], masks, device)
+        rows.append((split, None, loss, float(scores.mean()), len(scores)))
+        progress(f"reconstruction: {split} Jaccard {scores.mean():.1f} over {len(scores)} sets")
+        for touches in range(most + 1):
+            rng = np.random.default_rng([seed, touches])
+            draw = outline_touches(some, fewest=touches, most=touches)
+            points, _ = draw(rng, np.arange(len(some)))
+            loss, scores = evaluate(net, list(points), some.masks, device)
+            rows.append((split, touches, loss, float(scores.mean()), len(scores)))
+    table = pd.DataFrame(rows, columns=["split", "touches", "loss", "jaccard", "samples"])
+    return table.astype({"touches": "Int64"})
+
+
+def touch_sets_of(shapes: Shapes, tactile_samples: pd.DataFrame) -> list[tuple[int, np.ndarray]]:
+    """The stored touch sets of `shapes` as (index of the shape, touches (k, 2)) pairs."""
+    index = {sample: position for position, sample in enumerate(shapes.sample_ids)}
+    rows = tactile_samples[tactile_samples["sample_id"].isin(index.keys())]
+    return [
+        (index[sample], as_points(touches))
+        for sample, touches in zip(rows["sample_id"], rows["touches"], strict=True)
+    ]
+
+
+def mean_shape_jaccard(train: Shapes, test: Shapes) -> float:
+    """Mean Jaccard index over `test` of always predicting the train masks' mean shape.
+
+    What a reconstruction that ignores its touches can reach at best: a U-Net must beat it.
+    The mean is thresholded where it scores best on the train masks themselves.
+    """
+    mean = train.masks.mean(axis=0)
+    levels = np.linspace(0.05, 0.95, 19)
+    on_train = [jaccard_index(mean > level, train.masks).mean() for level in levels]
+    best = levels[int(np.argmax(on_train))]
+    return float(jaccard_index(mean > best, test.masks).mean())
+
+
+def overfit_jaccard(train: Shapes, *, shapes: int = 6, epochs: int = 200, seed: int = 0) -> float:
+    """Jaccard index (0–100) of a small U-Net trained on a handful of shapes at 60 touches.
+
+    The report's sanity step before the search (section V): a net that cannot learn these by
+    heart is broken, whatever its hyperparameters.
+    """
+    chosen = np.random.default_rng(seed).choice(len(train), min(shapes, len(train)), replace=False)
+    few = Shapes(
+        train.masks[chosen],
+        [train.outlines[index] for index in chosen],
+        train.sample_ids[chosen],
+        train.model_ids[chosen],
+        train.categories[chosen],
+    )
+    draw = outline_touches(few, OVERFIT_TOUCHES, OVERFIT_TOUCHES)
+    training = begin_training(depth=3, channels=8, learning_rate=5e-3, seed=seed)
+    for _ in range(epochs):
+        train_epoch(training, few, len(few), draw)
+    points, _ = draw(np.random.default_rng(seed), np.arange(len(few)))
+    _, scores = evaluate(training.net, list(points), few.masks, training.device)
+    return float(scores.mean())

@@ -1,0 +1,196 @@
+"""Hyperparameter search with Ray Tune: Bayesian optimisation with HyperBand (report, section V)."""
+
+import os
+import random
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import ray
+from ray import tune
+from ray.tune.schedulers import HyperBandForBOHB
+from ray.tune.search.bohb import TuneBOHB
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
+from tactile_core.reconstruction.trial import run_trial
+from tactile_core.settings import SearchSettings, UNetSettings
+
+# Without these Ray writes a token and its own loggers' files into the user's home.
+QUIET_RAY = {"RAY_AUTH_MODE": "disabled", "TUNE_DISABLE_AUTO_CALLBACK_LOGGERS": "1"}
+
+
+def search_unet(
+    train: Shapes,
+    evaluation: Shapes,
+    settings: SearchSettings,
+    *,
+    work: Path,
+    progress: Callable[[str], None] = lambda message: None,
+) -> pd.DataFrame:
+    """Run the trials and return one row each, best first: trial, learning_rate, batch_size,
+    depth, channels, epochs, loss, jaccard (0–100, both on the eval split).
+
+    `RAY_ADDRESS` names a running cluster; unset, a local Ray starts and is shut down. With
+    `concurrent` 1 the same seed gives the same table. Raises `TactileError` where every
+    trial failed.
+
+    Ray cannot restore a BOHB search. So trials leave their epochs in `work`, keyed by what
+    they tried: a search that was killed and starts again repeats the same suggestions and
+    finds their epochs done.
+    """
+    with running_ray(settings.concurrent), seeded(settings.seed):
+        results = run_trials(train, evaluation, settings, work.resolve(), progress)
+    rows = [trial_row(result.metrics) for result in results if "loss" in (result.metrics or {})]
+    if not rows:
+        reason = str(results.errors[0]).strip().splitlines()[-1] if results.errors else "no trial"
+        raise TactileError(f"every trial of the U-Net search failed; the first says: {reason}")
+    shutil.rmtree(work, ignore_errors=True)
+    table = pd.DataFrame(rows).sort_values(["loss", "learning_rate"], ignore_index=True)
+    table.insert(0, "trial", table.index + 1)
+    progress(f"U-Net search: best of {len(table)} trials has eval Jaccard {table.jaccard[0]:.1f}")
+    return table
+
+
+def with_best_trial(settings: UNetSettings, search: pd.DataFrame) -> UNetSettings:
+    """`settings` with every empty hyperparameter taken from the trial with the lowest loss."""
+    best = search.loc[search["loss"].idxmin()]
+    found = {
+        "learning_rate": float(best["learning_rate"]),
+        "batch_size": int(best["batch_size"]),
+        "depth": int(best["depth"]),
+        "channels": int(best["channels"]),
+    }
+    empty = {name: value for name, value in found.items() if getattr(settings, name) is None}
+    return settings.model_copy(update=empty)
+
+
+@contextmanager
+def running_ray(concurrent: int) -> Iterator[None]:
+    """A connection to the cluster at `RAY_ADDRESS`, or a local Ray for the block's duration."""
+    for name, value in QUIET_RAY.items():
+        os.environ.setdefault(name, value)
+    address = os.environ.get("RAY_ADDRESS") or None
+    local: dict[str, Any] = {
+        "num_cpus": max(concurrent, os.cpu_count() or 1),
+        "include_dashboard": False,
+    }
+    ray.init(
+        address=address or "local",
+        log_to_driver=False,
+        logging_level="ERROR",
+        **({} if address else local),
+    )
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+@contextmanager
+def seeded(seed: int) -> Iterator[None]:
+    """HpBandSter draws from the global generators: seed them for the block, then put them back."""
+    before = random.getstate(), np.random.get_state()
+    random.seed(seed)
+    np.random.seed(seed)
+    try:
+        yield
+    finally:
+        random.setstate(before[0])
+        np.random.set_state(before[1])
+
+
+def run_trials(
+    train: Shapes,
+    evaluation: Shapes,
+    settings: SearchSettings,
+    work: Path,
+    progress: Callable[[str], None],
+) -> tune.ResultGrid:
+    """Let BOHB suggest and HyperBand pause trials until all have had their epochs."""
+    trainable = tune.with_parameters(
+        run_trial, train=train, evaluation=evaluation, settings=settings, work=work / "epochs"
+    )
+    tuner = tune.Tuner(
+        tune.with_resources(trainable, resources_per_trial(settings.concurrent)),
+        param_space=search_space(settings),
+        tune_config=tune.TuneConfig(
+            metric="loss",
+            mode="min",
+            num_samples=settings.trials,
+            max_concurrent_trials=settings.concurrent,
+            search_alg=TuneBOHB(seed=settings.seed),
+            scheduler=HyperBandForBOHB(
+                time_attr="training_iteration",
+                max_t=settings.epochs,
+                reduction_factor=settings.reduction_factor,
+            ),
+        ),
+        run_config=tune.RunConfig(
+            name="ray",
+            storage_path=str(work),
+            verbose=0,
+            callbacks=[Reporter(settings, progress)],
+            checkpoint_config=tune.CheckpointConfig(num_to_keep=1),
+        ),
+    )
+    return tuner.fit()
+
+
+def search_space(settings: SearchSettings) -> dict[str, Any]:
+    """Report, Table I: the four hyperparameters. BOHB ignores quantised ranges, so choices."""
+    return {
+        "learning_rate": tune.loguniform(*settings.learning_rate),
+        "batch_size": tune.choice(settings.batch_sizes),
+        "depth": tune.choice(settings.depths),
+        "channels": tune.choice(settings.channels),
+    }
+
+
+def resources_per_trial(concurrent: int) -> dict[str, float]:
+    """An equal share of the cluster's processors and, where it has some, its GPUs."""
+    cluster = ray.cluster_resources()
+    shares = {"cpu": max(1, int(cluster["CPU"]) // concurrent), "gpu": cluster.get("GPU", 0)}
+    shares["gpu"] /= concurrent
+    return {name: share for name, share in shares.items() if share}
+
+
+def trial_row(metrics: dict[str, Any]) -> dict[str, Any]:
+    """The last report of a trial as a row of the table."""
+    config = metrics["config"]
+    return {
+        "learning_rate": float(config["learning_rate"]),
+        "batch_size": int(config["batch_size"]),
+        "depth": int(config["depth"]),
+        "channels": int(config["channels"]),
+        "epochs": int(metrics["training_iteration"]),
+        "loss": float(metrics["loss"]),
+        "jaccard": float(metrics["jaccard"]),
+    }
+
+
+class Reporter(tune.Callback):
+    """Tells `progress` of each epoch of each trial, and of trials that failed."""
+
+    def __init__(self, settings: SearchSettings, progress: Callable[[str], None]) -> None:
+        self.settings = settings
+        self.progress = progress
+        self.numbers: dict[str, int] = {}
+
+    def on_trial_result(
+        self, iteration: int, trials: list[Any], trial: Any, result: dict[str, Any], **info: Any
+    ) -> None:
+        row = trial_row(result)
+        number = self.numbers.setdefault(trial.trial_id, len(self.numbers) + 1)
+        self.progress(
+            f"U-Net search: trial {number}/{self.settings.trials} epoch {row['epochs']}: eval loss "
+            f"{row['loss']:.4f}, Jaccard {row['jaccard']:.1f} (rate {row['learning_rate']:.1e}, "
+            f"batch {row['batch_size']}, depth {row['depth']}, channels {row['channels']})"
+        )
+
+    def on_trial_error(self, iteration: int, trials: list[Any], trial: Any, **info: Any) -> None:
+        self.progress(f"U-Net search: trial {trial.trial_id} failed and is left out")

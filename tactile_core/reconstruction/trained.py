@@ -1,0 +1,79 @@
+"""A trained U-Net as a value, and as files: safetensors weights beside a JSON of settings."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+import safetensors.torch
+from safetensors import SafetensorError
+from torch import Tensor
+from upath import UPath
+
+from tactile_core.errors import TactileError
+from tactile_core.files import content_hash, read_table, write_table, written_whole
+from tactile_core.reconstruction.unet import UNet
+
+
+@dataclass(frozen=True)
+class TrainedUNet:
+    """Weights and what made them.
+
+    weights : float32 tensors by name
+    settings : the resolved `UNetSettings` as a dict
+    scores : eval loss and Jaccard index (0–100) of the kept epoch
+    curve : one row per epoch: epoch, train_loss, eval_loss, eval_jaccard
+    """
+
+    weights: dict[str, Tensor]
+    resolution: int
+    depth: int
+    channels: int
+    settings: dict[str, Any]
+    scores: dict[str, float]
+    curve: pd.DataFrame = field(repr=False)
+
+    def net(self) -> UNet:
+        """A fresh net in eval mode that holds these weights."""
+        net = UNet(self.depth, self.channels)
+        net.load_state_dict(self.weights)
+        return net.eval()
+
+    def version(self) -> str:
+        """Hash of the weights and the resolution (16 hex digits)."""
+        return content_hash(safetensors.torch.save(self.weights), self.resolution)
+
+
+def save_unet(unet: TrainedUNet, directory: UPath) -> None:
+    """Write `model.safetensors`, `curve.parquet` and, last, `settings.json`."""
+    about = {
+        "resolution": unet.resolution,
+        "depth": unet.depth,
+        "channels": unet.channels,
+        "settings": unet.settings,
+        "scores": unet.scores,
+        "version": unet.version(),
+    }
+    with written_whole(directory / "model.safetensors") as file:
+        file.write(safetensors.torch.save(unet.weights))
+    write_table(unet.curve, directory / "curve.parquet")
+    with written_whole(directory / "settings.json") as file:
+        file.write(json.dumps(about, indent=2).encode())
+
+
+def load_unet(directory: UPath) -> TrainedUNet:
+    """Read what `save_unet` wrote; raises `TactileError` where it is missing or damaged."""
+    try:
+        about = json.loads((directory / "settings.json").read_bytes())
+        weights = safetensors.torch.load((directory / "model.safetensors").read_bytes())
+    except FileNotFoundError as error:
+        raise TactileError(f"{directory} holds no trained U-Net: materialise unet first") from error
+    except (ValueError, SafetensorError) as error:
+        raise TactileError(f"{directory} is damaged ({error}): materialise unet again") from error
+    version = about.pop("version")
+    unet = TrainedUNet(weights=weights, curve=read_table(directory / "curve.parquet"), **about)
+    if unet.version() != version:
+        raise TactileError(
+            f"{directory}: weights and settings are of two trainings: materialise unet again"
+        )
+    return unet

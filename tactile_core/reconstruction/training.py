@@ -1,0 +1,267 @@
+"""Training the reconstruction U-Net (report, section V)."""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import nn
+from torch.nn import functional
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
+from tactile_core.files import content_hash, written_whole
+from tactile_core.reconstruction.batches import (
+    DrawTouches,
+    outline_touches,
+    touch_images,
+    training_batches,
+)
+from tactile_core.reconstruction.inference import best_device, bfloat16_pays
+from tactile_core.reconstruction.jaccard import jaccard_index
+from tactile_core.reconstruction.trained import TrainedUNet
+from tactile_core.reconstruction.unet import UNet
+from tactile_core.settings import UNetSettings
+
+logger = logging.getLogger(__name__)
+
+EVALUATION_BATCH = 128
+
+
+@dataclass
+class Training:
+    """A U-Net in training: the net, its optimiser and all that a checkpoint must hold."""
+
+    net: UNet
+    optimizer: torch.optim.Optimizer
+    rng: np.random.Generator
+    device: torch.device
+
+    def state(self) -> dict[str, Any]:
+        return {
+            "net": self.net.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "rng": self.rng.bit_generator.state,
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        self.net.load_state_dict(state["net"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.rng.bit_generator.state = state["rng"]
+
+
+def begin_training(depth: int, channels: int, learning_rate: float, seed: int) -> Training:
+    """A freshly initialised U-Net with its optimiser, on the best device."""
+    torch.manual_seed(seed)
+    device = best_device()
+    net = UNet(depth, channels).to(device, memory_format=torch.channels_last)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4)
+    return Training(net, optimizer, np.random.default_rng(seed), device)
+
+
+def train_epoch(
+    training: Training,
+    shapes: Shapes,
+    batch_size: int,
+    draw: DrawTouches | None = None,
+    samples: int | None = None,
+    before_batch: Callable[[float], None] = lambda share: None,
+) -> float:
+    """One epoch of binary cross-entropy; returns the mean loss over all pixels of all batches.
+
+    `before_batch` is told what share of the epoch is done. Raises `TactileError` where the
+    loss is no longer finite.
+    """
+    training.net.train()
+    count = min(samples or len(shapes), len(shapes))
+    batches = training_batches(
+        shapes, batch_size, training.rng, draw or outline_touches(shapes), samples
+    )
+    total, seen = 0.0, 0
+    for touches, masks in batches:
+        before_batch(seen / count)
+        loss = bce_loss(training.net, touches, masks, training.device)
+        training.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(training.net.parameters(), 1.0)
+        training.optimizer.step()
+        total += loss.item() * len(masks)
+        seen += len(masks)
+    if not np.isfinite(total):
+        raise TactileError("the U-Net's loss is no longer finite: choose a lower learning_rate")
+    return total / seen
+
+
+def bce_loss(
+    net: nn.Module, touches: np.ndarray, masks: np.ndarray, device: torch.device
+) -> torch.Tensor:
+    """Mean binary cross-entropy over all pixels of (B, R, R) touches and masks."""
+    inputs = torch.from_numpy(touches).to(device, torch.float32)[:, None]
+    labels = torch.from_numpy(masks).to(device, torch.float32)[:, None]
+    pays = bfloat16_pays(device.type)
+    with torch.autocast(device.type, torch.bfloat16, enabled=pays):
+        logits = net(inputs.contiguous(memory_format=torch.channels_last))
+    return functional.binary_cross_entropy_with_logits(logits.float(), labels)
+
+
+@torch.no_grad()
+def evaluate(
+    net: nn.Module, touch_sets: Sequence[np.ndarray], masks: np.ndarray, device: torch.device
+) -> tuple[float, np.ndarray]:
+    """Loss (mean over pixels) and Jaccard indices (N,) of N touch sets (k, 2) on their masks."""
+    net.eval()
+    losses, scores = [], []
+    for start in range(0, len(masks), EVALUATION_BATCH):
+        some = masks[start : start + EVALUATION_BATCH]
+        inputs = torch.from_numpy(
+            images_of_sets(touch_sets[start : start + EVALUATION_BATCH], masks.shape[-1])
+        ).to(device, torch.float32)[:, None]
+        with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16_pays(device.type)):
+            logits = net(inputs.contiguous(memory_format=torch.channels_last)).float()
+        labels = torch.from_numpy(some).to(device, torch.float32)[:, None]
+        loss = functional.binary_cross_entropy_with_logits(logits, labels)
+        losses.append(loss.item() * len(some))
+        scores.append(jaccard_index(torch.sigmoid(logits)[:, 0].cpu().numpy(), some))
+    return sum(losses) / len(masks), np.concatenate(scores)
+
+
+def images_of_sets(touch_sets: Sequence[np.ndarray], resolution: int) -> np.ndarray:
+    """Touch sets of differing sizes (k_i, 2) as images (N, R, R) uint8."""
+    most = max((len(points) for points in touch_sets), default=0)
+    points = np.zeros((len(touch_sets), most, 2), np.int16)
+    held = np.zeros((len(touch_sets), most), bool)
+    for row, (row_points, row_held) in enumerate(zip(points, held, strict=True)):
+        row_points[: len(touch_sets[row])] = touch_sets[row]
+        row_held[: len(touch_sets[row])] = True
+    return touch_images(points, held, resolution)
+
+
+def fixed_touch_sets(shapes: Shapes, seed: int) -> list[np.ndarray]:
+    """One set of 1–10 touches for each shape, always the same for one seed."""
+    rng = np.random.default_rng(seed)
+    points, held = outline_touches(shapes)(rng, np.arange(len(shapes)))
+    return [some[which] for some, which in zip(points, held, strict=True)]
+
+
+def train_unet(
+    train: Shapes,
+    evaluation: Shapes,
+    settings: UNetSettings,
+    *,
+    work: Path,
+    draw: DrawTouches | None = None,
+    progress: Callable[[str], None] = lambda message: None,
+) -> TrainedUNet:
+    """Train to the end and return the weights of the epoch with the lowest eval loss.
+
+    `settings` must name learning rate, batch size, depth and channels (see
+    `search.with_best_trial`). The rate warms up over the first epoch and then falls along
+    a cosine. `work` receives TensorBoard curves and a checkpoint after each epoch: a
+    training killed and started again with equal inputs goes on where it was, to the same
+    result. `draw` replaces the uniform draw of outline touches.
+    """
+    rate, batch_size, depth, channels = required(settings)
+    training = begin_training(depth, channels, rate, settings.seed)
+    touch_sets = fixed_touch_sets(evaluation, settings.seed)
+    key = content_hash(settings.model_dump(), train.masks.tobytes(), evaluation.masks.tobytes())
+    checkpoint = work / "checkpoint.pt"
+    curve, best = resume(checkpoint, key, training)
+    if curve:
+        progress(f"U-Net: resuming after epoch {len(curve)}")
+    for epoch in range(len(curve) + 1, settings.epochs + 1):
+        if stopped_early(curve, settings.patience):
+            progress(f"U-Net: no better eval loss for {settings.patience} epochs, stopping")
+            break
+        loss = train_epoch(
+            training, train, batch_size, draw,
+            before_batch=lambda share, epoch=epoch: set_rate(  # type: ignore[misc]
+                training, rate, epoch - 1 + share, settings.epochs
+            ),
+        )  # fmt: skip
+        eval_loss, scores = evaluate(training.net, touch_sets, evaluation.masks, training.device)
+        row = {
+            "epoch": epoch, "train_loss": loss,
+            "eval_loss": eval_loss, "eval_jaccard": float(scores.mean()),
+        }  # fmt: skip
+        if eval_loss < min((past["eval_loss"] for past in curve), default=np.inf):
+            best = {name: value.cpu().clone() for name, value in training.net.state_dict().items()}
+        curve.append(row)
+        log_curve(work, row)
+        save_checkpoint(checkpoint, key, training, curve, best)
+        progress(
+            f"U-Net: epoch {epoch}/{settings.epochs}, loss {loss:.4f}, "
+            f"eval loss {eval_loss:.4f}, eval Jaccard {row['eval_jaccard']:.1f}"
+        )
+    checkpoint.unlink()
+    kept = min(curve, key=lambda row: row["eval_loss"])
+    return TrainedUNet(
+        weights={name: value.contiguous() for name, value in best.items()},
+        resolution=train.resolution,
+        depth=depth,
+        channels=channels,
+        settings=settings.model_dump(),
+        scores={name: kept[name] for name in ("epoch", "eval_loss", "eval_jaccard")},
+        curve=pd.DataFrame(curve),
+    )
+
+
+def required(settings: UNetSettings) -> tuple[float, int, int, int]:
+    """Learning rate, batch size, depth and channels; `TactileError` where one is empty."""
+    values = settings.learning_rate, settings.batch_size, settings.depth, settings.channels
+    if None in values:
+        raise TactileError(
+            "U-Net settings lack learning_rate, batch_size, depth or channels: give them, or "
+            "materialise unet_search and take its best trial"
+        )
+    return values  # type: ignore[return-value]
+
+
+def set_rate(training: Training, rate: float, epochs_done: float, epochs: int) -> None:
+    """Linear warm-up over the first epoch, then a cosine down to a hundredth."""
+    cosine = 0.505 + 0.495 * np.cos(np.pi * epochs_done / epochs)
+    for group in training.optimizer.param_groups:
+        group["lr"] = rate * min(0.05 + epochs_done, 1.0) * cosine
+
+
+def stopped_early(curve: list[dict[str, float]], patience: int) -> bool:
+    """Whether the lowest eval loss is `patience` epochs old."""
+    losses = [row["eval_loss"] for row in curve]
+    return bool(losses) and len(losses) - 1 - int(np.argmin(losses)) >= patience
+
+
+def save_checkpoint(
+    path: Path, key: str, training: Training, curve: list[dict[str, float]], best: dict[str, Any]
+) -> None:
+    """Everything needed to go on after this epoch, written whole."""
+    with written_whole(path) as file:
+        torch.save({"key": key, "training": training.state(), "curve": curve, "best": best}, file)
+
+
+def resume(
+    path: Path, key: str, training: Training
+) -> tuple[list[dict[str, float]], dict[str, Any]]:
+    """Curve and best weights of a checkpoint made from equal inputs; else a fresh start."""
+    if not path.exists():
+        return [], {}
+    try:
+        saved = torch.load(path, map_location="cpu", weights_only=False)
+    except (OSError, RuntimeError, EOFError) as error:
+        logger.warning("%s cannot be read (%s): training starts over", path, error)
+        return [], {}
+    if saved["key"] != key:
+        return [], {}
+    training.load_state(saved["training"])
+    return saved["curve"], saved["best"]
+
+
+def log_curve(work: Path, row: dict[str, float]) -> None:
+    """One epoch's losses and Jaccard index to TensorBoard under `work`."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    with SummaryWriter(str(work / "tensorboard")) as writer:
+        for name in ("train_loss", "eval_loss", "eval_jaccard"):
+            writer.add_scalar(name, row[name], row["epoch"])

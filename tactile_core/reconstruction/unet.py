@@ -1,0 +1,78 @@
+"""The U-Net of the report (section V, Figure 1): touches in, probability of the object out."""
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from tactile_core.errors import TactileError
+
+# The logit outside the window: a probability of 2e-9, and still finite in every precision.
+OUTSIDE = -20.0
+
+
+class UNet(nn.Module):
+    """U-Net with `depth` levels; the first has `channels`, each further one twice as many.
+
+    Maps touches (N, 1, R, R), 1.0 where touched, to logits (N, 1, R, R).
+
+    Only the middle half of the image passes through the net: the camera scales every model
+    to a diagonal of 1 in an image that spans 2, so no shape leaves it, however rotated.
+    That quarters the work, and outside it the prediction is "no object".
+    """
+
+    def __init__(self, depth: int, channels: int) -> None:
+        super().__init__()
+        widths = [channels * 2**level for level in range(depth)]
+        shallower = list(reversed(widths[:-1]))
+        self.contract = nn.ModuleList(
+            _block(inside, outside)
+            for inside, outside in zip([1, *widths], widths, strict=False)
+        )
+        # A 1×1 convolution and nearest upsampling commute; this order costs a quarter.
+        self.raise_ = nn.ModuleList(nn.Conv2d(2 * width, width, 1) for width in shallower)
+        self.expand = nn.ModuleList(_block(2 * width, width) for width in shallower)
+        self.head = nn.Conv2d(channels, 1, 1)
+
+    def forward(self, touches: Tensor) -> Tensor:
+        resolution = touches.shape[-1]
+        margin = resolution // 4
+        levels = len(self.contract)
+        if (resolution - 2 * margin) % 2 ** (levels - 1):
+            raise TactileError(
+                f"a U-Net of depth {levels} cannot halve a {resolution // 2}-pixel window "
+                f"{levels - 1} times: choose a smaller depth or a larger resolution"
+            )
+        x = touches[..., margin : resolution - margin, margin : resolution - margin]
+        skipped = []
+        for level, block in enumerate(self.contract):
+            x = block(functional.max_pool2d(x, 2) if level else x)  # (N, C·2^level, W/2^level, …)
+            skipped.append(x)
+        skipped.pop()
+        for raise_, block in zip(self.raise_, self.expand, strict=True):
+            raised = functional.interpolate(raise_(x), scale_factor=2.0)
+            x = block(torch.cat([skipped.pop(), raised], dim=1))
+        return functional.pad(self.head(x), [margin] * 4, value=OUTSIDE)
+
+
+def _block(inside: int, outside: int) -> nn.Sequential:
+    """Two 3×3 convolutions, each normalised and rectified."""
+    layers: list[nn.Module] = []
+    for width in (inside, outside):
+        layers += [
+            nn.Conv2d(width, outside, 3, padding=1, bias=False),
+            nn.BatchNorm2d(outside),
+            nn.ReLU(inplace=True),
+        ]
+    return nn.Sequential(*layers)
+
+
+def fuse_normalisation(net: UNet) -> UNet:
+    """Fold every batch normalisation of an eval-mode net into its convolution, in place."""
+    net.eval()
+    for block in [*net.contract, *net.expand]:
+        assert isinstance(block, nn.Sequential)
+        for index in (0, 3):
+            block[index] = fuse_conv_bn_eval(block[index], block[index + 1])
+            block[index + 1] = nn.Identity()
+    return net
