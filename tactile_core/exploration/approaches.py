@@ -1,0 +1,74 @@
+"""Training approaches: the report's four (section VI.B), and where to add your own.
+
+An approach is one entry of `APPROACHES`. Each stage trains for `steps_per_stage` rays and
+goes on from the policy of the stage before.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tactile_core.errors import TactileError
+from tactile_core.exploration.rewards import Reward, diff, penalised, total
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One training stage: what is rewarded, and what ends an episode.
+
+    ends : "rays": after ten rays; "touches": when ten touches are held (or the ray limit
+        is reached, which truncates the episode)
+    """
+
+    reward: Reward
+    ends: Literal["rays", "touches"] = "rays"
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A named training recipe."""
+
+    name: str
+    about: str
+    stages: tuple[Stage, ...]
+
+
+DIFF = Stage(penalised(diff))
+TOTAL = Stage(penalised(total))
+
+APPROACHES: dict[str, Approach] = {
+    approach.name: approach
+    for approach in (
+        Approach(
+            "diff",
+            "Rewards what a ray adds to the Jaccard index; −10 for a miss or repeat.",
+            (DIFF,),
+        ),
+        Approach(
+            "total",
+            "Rewards the Jaccard index after each ray; −10 for a miss or repeat.",
+            (TOTAL,),
+        ),
+        Approach(
+            "total_miss",
+            "Rewards the Jaccard index without penalty until ten touches are held, then "
+            "trains as long again as total.",
+            (Stage(total, ends="touches"), TOTAL),
+        ),
+        Approach(
+            "pre_diff_miss",
+            "Rewards what a ray adds to the Jaccard index without penalty, until ten touches "
+            "are held.",
+            (Stage(diff, ends="touches"),),
+        ),
+    )
+}
+
+
+def find_approach(name: str) -> Approach:
+    """The approach of that name; raises `TactileError` naming the known ones."""
+    if name not in APPROACHES:
+        raise TactileError(
+            f"approach {name!r} is unknown: choose from {', '.join(APPROACHES)}, or add an entry "
+            "to APPROACHES in tactile_core/exploration/approaches.py"
+        )
+    return APPROACHES[name]

@@ -1,0 +1,32 @@
+"""The report's rewards (section VI.B), on the Jaccard index in percent."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tactile_core.exploration.state import Cast
+
+Reward = Callable[[Cast], np.ndarray]
+
+PENALTY = -10.0
+
+
+def total(cast: Cast) -> np.ndarray:
+    """The Jaccard index after the ray, (N,) float32."""
+    return cast.jaccard
+
+
+def diff(cast: Cast) -> np.ndarray:
+    """What the ray added to the Jaccard index, (N,) float32; at first the index itself."""
+    return cast.jaccard - cast.jaccard_before
+
+
+def penalised(reward: Reward) -> Reward:
+    """`reward`, but −10 in its place for a ray that misses or repeats a touch."""
+
+    def with_penalty(cast: Cast) -> np.ndarray:
+        wasted = cast.missed | cast.repeated
+        return np.where(wasted, np.float32(PENALTY), reward(cast))
+
+    with_penalty.__name__ = f"penalised_{reward.__name__}"
+    return with_penalty

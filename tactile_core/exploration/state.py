@@ -1,0 +1,110 @@
+"""Many explorations in step: the batched heart of training and evaluation (report, VI.A)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_core.exploration.rays import cast_rays, mark_free
+from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.jaccard import jaccard_index
+
+EVERY = slice(None)
+ARRAYS = ("masks", "touches", "free", "predictions", "jaccard", "held", "rays")
+
+
+@dataclass(frozen=True)
+class Cast:
+    """What one ray did in each of N explorations.
+
+    touches : (N, 2) int16 (row, column); (−1, −1) for a miss
+    missed, repeated : (N,) bool
+    jaccard_before, jaccard : (N,) float32, Jaccard index (0–100) before and after the ray; an
+        exploration that has cast no ray counts as 0 before it
+    """
+
+    touches: np.ndarray
+    missed: np.ndarray
+    repeated: np.ndarray
+    jaccard_before: np.ndarray
+    jaccard: np.ndarray
+
+
+class Explorations:
+    """N robots, each feeling out a mask of its own.
+
+    masks : (N, R, R) bool, what is felt; only rays and the oracle look at it
+    touches : (N, R, R) uint8, 1 at every touch held
+    free : (N, R, R) uint8, 1 where a past ray passed before its touch
+    predictions : (N, R, R) float32, probability of the object as reconstructed
+    jaccard : (N,) float32, Jaccard index (0–100) of prediction and mask
+    held, rays : (N,) int, touches held and rays cast
+    """
+
+    def __init__(self, masks: np.ndarray, reconstructor: Reconstructor) -> None:
+        self.reconstructor = reconstructor
+        self.masks = np.array(masks)
+        self.touches = np.zeros(masks.shape, np.uint8)
+        self.free = np.zeros(masks.shape, np.uint8)
+        self.predictions = np.empty(masks.shape, np.float32)
+        self.jaccard = np.empty(len(masks), np.float32)
+        self.held = np.zeros(len(masks), int)
+        self.rays = np.zeros(len(masks), int)
+        self.restart(np.arange(len(masks)), masks)
+
+    def __len__(self) -> int:
+        return len(self.masks)
+
+    @property
+    def resolution(self) -> int:
+        return self.masks.shape[-1]
+
+    def restart(self, which: np.ndarray, masks: np.ndarray) -> None:
+        """Begin the explorations at indices `which` anew, on `masks` (len(which), R, R)."""
+        self.masks[which] = masks
+        self.touches[which] = 0
+        self.free[which] = 0
+        self.predictions[which] = self.reconstructor.untouched
+        self.jaccard[which] = jaccard_index(self.reconstructor.untouched, masks)
+        self.held[which] = 0
+        self.rays[which] = 0
+
+    def cast(self, rays: np.ndarray) -> Cast:
+        """Cast one ray (alpha, beta) in each exploration, (N, 2) int, and reconstruct.
+
+        Only explorations that gained a touch pass through the U-Net: nothing changed for
+        the others, whose ray missed or repeated a touch.
+        """
+        touches = cast_rays(self.masks, rays)
+        mark_free(self.free, rays, touches)
+        missed = touches[:, 0] < 0
+        rows, columns = touches.T
+        repeated = ~missed & (self.touches[np.arange(len(self)), rows, columns] == 1)
+        gained = np.flatnonzero(~missed & ~repeated)
+        before = np.where(self.rays == 0, np.float32(0), self.jaccard)
+        self.rays += 1
+        self.held[gained] += 1
+        self.touches[gained, rows[gained], columns[gained]] = 1
+        if len(gained):
+            predictions = self.reconstructor.predict(self.touches[gained])
+            self.predictions[gained] = predictions
+            self.jaccard[gained] = jaccard_index(predictions, self.masks[gained])
+        return Cast(touches, missed, repeated, before, self.jaccard.copy())
+
+    def observations(self, which: np.ndarray | slice = EVERY) -> np.ndarray:
+        """What a policy sees, (N, 2, R, R) uint8: the reconstruction and the touches, 0–255."""
+        touches = self.touches[which] * np.uint8(255)
+        return np.stack([to_grey(self.predictions[which]), touches], axis=1)
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """All arrays by name, copied."""
+        return {name: getattr(self, name).copy() for name in ARRAYS}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from what `get_state` returned."""
+        for name in ARRAYS:
+            getattr(self, name)[...] = state[name]
+
+
+def to_grey(probabilities: np.ndarray) -> np.ndarray:
+    """Probabilities 0–1 as uint8 grey values 0–255."""
+    return np.rint(probabilities * 255).astype(np.uint8)
