@@ -1,0 +1,42 @@
+.DEFAULT_GOAL := help
+.PHONY: run install test ui bench lint format help
+SHELL := /bin/bash
+PYTHON ?= python3
+
+# The environment is made anew when what it is made from changes: its name is their checksum.
+STAMP := .venv/installed-$(shell (echo "$(CURDIR)"; cat pyproject.toml constraints.txt) | cksum | cut -d' ' -f1)
+ACTIVATE := . .venv/bin/activate
+
+run: install ## Materialise every asset into .tactile/, then print the tables
+	@$(ACTIVATE) && dagster asset materialize --select '*' && python -m tactile_assets.results
+
+install: $(STAMP) ## Make the virtual environment .venv with everything pinned (does nothing if it is there)
+
+$(STAMP):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "Python 3.11 or newer is needed; name it: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
+	@command -v cc >/dev/null || { echo "A C compiler is needed (Debian: apt install gcc python3-dev)"; exit 1; }
+	@echo "Installing into .venv: about 2.5 GB, one to five minutes"
+	@$(PYTHON) -m venv --clear .venv || { echo "No venv could be made (Debian: apt install python3-venv)"; exit 1; }
+	@.venv/bin/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]' \
+	  || { echo "Installation failed. If it says Python.h is missing: apt install python3-dev"; exit 1; }
+	@echo '. "$$VIRTUAL_ENV/../environment.sh"' >> .venv/bin/activate
+	@touch $@
+
+test: install ## Install what is missing and run the tests
+	@$(ACTIVATE) && pytest
+
+ui: install ## Dagster's web interface on http://localhost:3000
+	@$(ACTIVATE) && dagster dev -w workspace.yaml
+
+bench: install ## Measure the ratios that the README states
+	@$(ACTIVATE) && for benchmark in benchmarks/*.py; do python $$benchmark || exit 1; done
+
+lint: install ## Check formatting, style and types
+	@$(ACTIVATE) && ruff format --check . && ruff check . && mypy
+
+format: install ## Apply formatting and the style fixes that are safe
+	@$(ACTIVATE) && ruff format . && ruff check --fix .
+
+help: ## This list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)

@@ -1,0 +1,28 @@
+# Sourced by .venv/bin/activate: makes the plain Dagster commands work from the repository root.
+# TACTILE_HOME, TACTILE_PROFILE, TACTILE_STORE and TACTILE_SHAPENET are read where they are set
+# and left unset otherwise; only TACTILE_HOME is made absolute, because DAGSTER_HOME must be.
+
+_tactile_root="$(cd "$VIRTUAL_ENV/.." && pwd)"
+if [ -n "${TACTILE_HOME:-}" ]; then
+    mkdir -p "$TACTILE_HOME"
+    TACTILE_HOME="$(cd "$TACTILE_HOME" && pwd)"
+    export TACTILE_HOME
+fi
+DAGSTER_HOME="${TACTILE_HOME:-$_tactile_root/.tactile}/dagster"
+export DAGSTER_HOME
+mkdir -p "$DAGSTER_HOME"
+# A dagster.yaml of your own in DAGSTER_HOME stays; a link to ours follows the checkout.
+if [ -L "$DAGSTER_HOME/dagster.yaml" ] || [ ! -e "$DAGSTER_HOME/dagster.yaml" ]; then
+    ln -sfn "$_tactile_root/dagster.yaml" "$DAGSTER_HOME/dagster.yaml"
+fi
+
+# `dagster asset …` reads neither pyproject.toml nor workspace.yaml: click takes `-m` from here.
+# (DAGSTER_MODULE_NAME would do the same and make `dagster dev` hang.)
+export DAGSTER_CLI_ASSET_MATERIALIZE_MODULE_NAME=tactile_assets.definitions
+export DAGSTER_CLI_ASSET_LIST_MODULE_NAME=tactile_assets.definitions
+
+# What runs on this machine stays on it; Ray writes no token into the user's home.
+export DAGSTER_DISABLE_TELEMETRY=yes
+export RAY_USAGE_STATS_ENABLED=0
+export RAY_AUTH_MODE="${RAY_AUTH_MODE:-disabled}"
+unset _tactile_root

@@ -1,0 +1,1 @@
+"""The Dagster layer: eleven assets, their checks and their automation, over `tactile_core`."""
