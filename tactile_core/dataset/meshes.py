@@ -1,0 +1,240 @@
+"""The meshes of all classes under one root, whatever they come from (report, section IV).
+
+`collect_meshes` generates, unpacks or copies them, looks at each, and writes the manifest
+that the later stages work from; `load_mesh` gives one back, ready for the camera.
+"""
+
+import contextlib
+import logging
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+import pandas as pd
+import trimesh
+from upath import UPath
+
+from tactile_core.dataset.archives import one_line, open_archive, read_member, safe_members
+from tactile_core.dataset.layouts import SUFFIXES, MeshFile, find_models, with_unique_ids
+from tactile_core.dataset.parsing import parse_mesh
+from tactile_core.dataset.places import (
+    Place,
+    as_local,
+    as_path,
+    find_places,
+    is_address,
+    is_http,
+    local_archive,
+    walk,
+)
+from tactile_core.dataset.procedural import obj_bytes, procedural_models
+from tactile_core.errors import TactileError
+from tactile_core.files import content_hash, written_whole
+from tactile_core.settings import MeshSettings
+
+logger = logging.getLogger(__name__)
+
+COLUMNS = {
+    "model_id": str,
+    "category": str,
+    "synset": str,
+    "source": str,
+    "file": str,
+    "vertices": int,
+    "faces": int,
+    "content_hash": str,
+    "status": str,
+}
+
+
+def collect_meshes(
+    settings: MeshSettings,
+    root: UPath,
+    cache: Path,
+    progress: Callable[[str], None] = lambda message: None,
+) -> pd.DataFrame:
+    """Bring the meshes of every class under `root`, and list them.
+
+    root : folder or object store of the meshes; meshes there that are no longer listed are
+        removed, those that are there unchanged are not written again
+    cache : where downloaded archives are kept
+
+    Returns one row per mesh found, sorted by category and model id: model_id, category,
+    synset, source ("procedural", "archive" or "folder"), file (below `root`), vertices,
+    faces, content_hash (of the file's bytes) and status: "ok", or why the mesh is set aside.
+    A mesh set aside is not under `root`, and has no vertices and faces; one that could not
+    even be read has an empty content_hash.
+
+    Raises `TactileError` where a class is found nowhere, has an archive that is damaged or
+    refused, or keeps no usable mesh.
+    """
+    _check_apart(settings, root)
+    with contextlib.ExitStack() as stack:
+        found = _find_meshes(settings, cache / "archives", stack, progress)
+        present = _present(root)
+        rows = []
+        for number, mesh in enumerate(found, start=1):
+            rows.append(_collect(mesh, root, present))
+            if number % math.ceil(len(found) / 10) == 0:
+                progress(f"{number} of {len(found)} meshes collected")
+    manifest = pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
+    _check_usable(manifest, settings)
+    for file in sorted(set(present) - set(manifest.loc[manifest["status"] == "ok", "file"])):
+        _remove(root, file)
+    return manifest
+
+
+def load_mesh(root: UPath, file: str) -> trimesh.Trimesh:
+    """The mesh at `file` below `root`, centred on its bounding box and scaled to diagonal 1.
+
+    Materials are not loaded. Raises `TactileError` where the mesh cannot be used.
+    """
+    path = root / file
+    try:
+        return parse_mesh(path.read_bytes(), path.suffix)
+    except FileNotFoundError as error:
+        raise TactileError(f"{path} is missing: materialise shapenet_meshes again") from error
+    except TactileError as error:
+        raise TactileError(f"{path} {error}: materialise shapenet_meshes again") from error
+
+
+def _find_meshes(
+    settings: MeshSettings,
+    cache: Path,
+    stack: contextlib.ExitStack,
+    progress: Callable[[str], None],
+) -> list[MeshFile]:
+    """Every mesh, in the manifest's order. Archives stay open until `stack` closes."""
+    places = find_places(settings)
+    meshes = _generated(settings, {place.category for place in places})
+    for place in places:
+        models = _models_at(place, settings, cache, stack, progress)
+        progress(f"{place.category}: {len(models)} meshes in {place}")
+        meshes += models
+    known = {mesh.model_id for mesh in meshes}
+    meshes = sorted(with_unique_ids(meshes), key=lambda mesh: (mesh.category, mesh.model_id))
+    if renamed := [mesh.model_id for mesh in meshes if mesh.model_id not in known]:
+        logger.warning("%d meshes share their names: %s, …", len(renamed), ", ".join(renamed[:3]))
+    by_class = {name: [m for m in meshes if m.category == name] for name in settings.classes}
+    for category, models in by_class.items():
+        if not models:
+            raise TactileError(f"class {category!r} has no meshes: correct classes, or the source")
+    return [m for name in sorted(by_class) for m in by_class[name][: settings.models_per_class]]
+
+
+def _generated(settings: MeshSettings, elsewhere: set[str]) -> list[MeshFile]:
+    classes = {name: s for name, s in settings.classes.items() if name not in elsewhere}
+    if not classes:
+        return []
+    models = procedural_models(settings.model_copy(update={"classes": classes}))
+    return [
+        MeshFile(
+            model_id=model_id,
+            category=category,
+            synset=classes[category],
+            source="procedural",
+            file=f"{classes[category]}/{model_id}/models/model_normalized.obj",
+            path=model_id,
+            read=partial(_build, build),
+        )
+        for category, model_id, build in models
+    ]
+
+
+def _build(build: Callable[[], trimesh.Trimesh]) -> bytes:
+    return obj_bytes(build())
+
+
+def _models_at(
+    place: Place,
+    settings: MeshSettings,
+    cache: Path,
+    stack: contextlib.ExitStack,
+    progress: Callable[[str], None],
+) -> list[MeshFile]:
+    if place.folder is not None:
+        source = "folder"
+        readers: dict[str, Callable[[], bytes]] = {
+            name: partial(_read_file, place.folder / name) for name in walk(place.folder)
+        }
+    else:
+        source = "archive"
+        path = local_archive(place, settings.sha256.get(place.category), cache, progress)
+        archive = stack.enter_context(open_archive(path))
+        readers = {n: partial(read_member, archive, n) for n in safe_members(archive, SUFFIXES)}
+    models = find_models(readers, place.category, place.synset, source)
+    if not models:
+        raise TactileError(
+            f"class {place.category!r}: {place} holds no mesh; looked for <id>/model.obj, "
+            f"<id>/models/model_normalized.obj and *{', *'.join(SUFFIXES)}"
+        )
+    return models
+
+
+def _read_file(path: UPath) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise TactileError(f"cannot be read ({one_line(error)})") from error
+
+
+def _collect(mesh: MeshFile, root: UPath, present: dict[str, int]) -> dict[str, object]:
+    """Look at one mesh and, if it can be used, see that it lies under `root`."""
+    row: dict[str, object] = {name: getattr(mesh, name) for name in COLUMNS if hasattr(mesh, name)}
+    row |= {"vertices": 0, "faces": 0, "content_hash": ""}
+    try:
+        data = mesh.read()
+        row["content_hash"] = content_hash(data)
+        checked = parse_mesh(data, PurePosixPath(mesh.file).suffix)
+    except TactileError as error:
+        logger.warning("%s %s is set aside: it %s", mesh.category, mesh.model_id, error)
+        return row | {"status": str(error)}
+    target = root / mesh.file
+    if present.get(mesh.file) != len(data) or target.read_bytes() != data:
+        with written_whole(target) as file:
+            file.write(data)
+    return row | {
+        "vertices": len(checked.vertices),
+        "faces": len(checked.faces),
+        "status": "ok",
+    }
+
+
+def _check_usable(manifest: pd.DataFrame, settings: MeshSettings) -> None:
+    for category in sorted(settings.classes):
+        rows = manifest[manifest["category"] == category]
+        if not (rows["status"] == "ok").any():
+            first = rows.iloc[0]
+            raise TactileError(
+                f"class {category!r}: none of its {len(rows)} meshes can be used (the first, "
+                f"{first['model_id']}, {first['status']}): look at the source"
+            )
+
+
+def _check_apart(settings: MeshSettings, root: UPath) -> None:
+    """The meshes under `root` come and go, so no source of meshes may lie there."""
+    own = [value for value in settings.classes.values() if is_address(value)]
+    for address in own + ([settings.location] if settings.location else []):
+        local_root = as_local(root)
+        source = None if is_http(address) else as_local(as_path(address))
+        if local_root and source and source.resolve().is_relative_to(local_root.resolve()):
+            raise TactileError(f"{address} lies where meshes are stored ({root}): move it away")
+
+
+def _present(root: UPath) -> dict[str, int]:
+    """Mesh files that lie under `root` already: path → length in bytes."""
+    if not root.exists():
+        return {}
+    sizes = {file: int(info["size"]) for file, info in walk(root).items()}
+    return {file: size for file, size in sizes.items() if file.lower().endswith(SUFFIXES)}
+
+
+def _remove(root: UPath, file: str) -> None:
+    """Remove a mesh that is no longer listed, and the folders that it leaves empty."""
+    (root / file).unlink()
+    local = as_local(root)
+    if local is not None:
+        with contextlib.suppress(OSError):  # not empty
+            for folder in PurePosixPath(file).parents[:-1]:
+                (local / folder).rmdir()
