@@ -123,14 +123,17 @@ class PolicySettings(Settings):
         description="Training approaches, by name.",
     )
     seeds: list[int] = Field([0], min_length=1, description="One training for each seed.")
-    steps_per_stage: int = Field(65_536, ge=1, description="Rays cast per training stage.")
+    steps_per_stage: int = Field(40_960, ge=1, description="Rays cast per training stage.")
     environments: int = Field(32, ge=1, description="Environments stepped as one batch.")
     rays_per_rollout: int = Field(
-        64, ge=1, description="Rays in each environment between two PPO updates."
+        16, ge=1, description="Rays in each environment between two PPO updates."
     )
-    batch_size: int = Field(512, ge=2, description="PPO minibatch size.")
+    batch_size: int = Field(128, ge=2, description="PPO minibatch size.")
     epochs: int = Field(4, ge=1, description="PPO epochs per update.")
-    learning_rate: float = Field(3e-4, gt=0, description="PPO learning rate.")
+    learning_rate: float = Field(1e-3, gt=0, description="PPO learning rate.")
+    reward_scale: float = Field(
+        0.01, gt=0, description="Factor on rewards (Jaccard 0–100) before PPO sees them."
+    )
     entropy: float = Field(0.01, ge=0, description="PPO entropy coefficient.")
 
 
@@ -172,12 +175,15 @@ PROFILES = {
         splits=SplitSettings(rotations=2),
         touches=TouchSettings(sets_per_mask=2),
         search=SearchSettings(
-            trials=2, epochs=2, batch_sizes=[8], depths=[3], channels=[8], learning_rate=[1e-3, 3e-3]
+            trials=2,
+            epochs=2,
+            batch_sizes=[8],
+            depths=[3],
+            channels=[8],
+            learning_rate=[1e-3, 3e-3],
         ),
         unet=UNetSettings(epochs=12),
-        policies=PolicySettings(
-            steps_per_stage=512, environments=16, rays_per_rollout=16, batch_size=128
-        ),
+        policies=PolicySettings(steps_per_stage=512, environments=16),
         per_step=EvaluationSettings(resamples=200),
         per_grasp=EvaluationSettings(resamples=200, deterministic=False, ray_limit=60),
     ),

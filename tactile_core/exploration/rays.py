@@ -8,13 +8,16 @@ import functools
 
 import numba
 import numpy as np
+from skimage.draw import line
 
 from tactile_core.exploration.circle import angle_index, circle_pixels, frozen
 
 MISS = -1
 
 
-def cast_rays(masks: np.ndarray, rays: np.ndarray, shape_of_ray: np.ndarray | None = None) -> np.ndarray:
+def cast_rays(
+    masks: np.ndarray, rays: np.ndarray, shape_of_ray: np.ndarray | None = None
+) -> np.ndarray:
     """First mask pixel of each ray, (N, 2) int16 as (row, column); (−1, −1) for a miss.
 
     masks : (M, R, R) bool
@@ -57,30 +60,41 @@ def candidate_rays(resolution: int, angles: int = 36, offsets: int = 11) -> np.n
     return frozen(np.stack([alpha, beta], axis=-1))
 
 
+@functools.cache
+def pixels_along(resolution: int) -> np.ndarray:
+    """Flat pixel indices along each of `candidate_rays`, (rays, R) int, −1 beyond its end."""
+    rays = candidate_rays(resolution).reshape(-1, 2)
+    along = np.full((len(rays), resolution), -1)
+    for pixels, ends in zip(along, ray_ends(rays, resolution), strict=True):
+        rows, columns = line(*map(int, ends))
+        pixels[: len(rows)] = rows * resolution + columns
+    return frozen(along)
+
+
 @numba.njit(cache=True, nogil=True)
 def _first_hits(masks, which, ends, touches):  # type: ignore[no-untyped-def]
     for ray in range(len(ends)):
         mask = masks[which[ray]]
         row, column, last_row, last_column = ends[ray]
-        line = _begin(row, column, last_row, last_column)
+        walk = _begin(row, column, last_row, last_column)
         touches[ray, 0] = touches[ray, 1] = MISS
-        for _ in range(line[0] + 1):
-            if mask[line[1], line[2]]:
-                touches[ray, 0], touches[ray, 1] = line[1], line[2]
+        for _ in range(walk[0] + 1):
+            if mask[walk[1], walk[2]]:
+                touches[ray, 0], touches[ray, 1] = walk[1], walk[2]
                 break
-            line = _advance(line)
+            walk = _advance(walk)
 
 
 @numba.njit(cache=True, nogil=True)
 def _mark_free(free, ends, touches):  # type: ignore[no-untyped-def]
     for ray in range(len(ends)):
         row, column, last_row, last_column = ends[ray]
-        line = _begin(row, column, last_row, last_column)
-        for _ in range(line[0] + 1):
-            if line[1] == touches[ray, 0] and line[2] == touches[ray, 1]:
+        walk = _begin(row, column, last_row, last_column)
+        for _ in range(walk[0] + 1):
+            if walk[1] == touches[ray, 0] and walk[2] == touches[ray, 1]:
                 break
-            free[ray, line[1], line[2]] = 1
-            line = _advance(line)
+            free[ray, walk[1], walk[2]] = 1
+            walk = _advance(walk)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -98,8 +112,8 @@ def _begin(row, column, last_row, last_column):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _advance(line):  # type: ignore[no-untyped-def]
-    steps, row, column, error, row_step, column_step, long, short, steep = line
+def _advance(walk):  # type: ignore[no-untyped-def]
+    steps, row, column, error, row_step, column_step, long, short, steep = walk
     if error >= 0 and long > 0:
         if steep:
             column += column_step

@@ -1,5 +1,6 @@
 """Many explorations in step: the batched heart of training and evaluation (report, VI.A)."""
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.jaccard import jaccard_index
 
 EVERY = slice(None)
-ARRAYS = ("masks", "touches", "free", "predictions", "jaccard", "held", "rays")
+ARRAYS = ("masks", "touches", "free", "predictions", "jaccard", "held", "rays", "wasted")
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Explorations:
     free : (N, R, R) uint8, 1 where a past ray passed before its touch
     predictions : (N, R, R) float32, probability of the object as reconstructed
     jaccard : (N,) float32, Jaccard index (0–100) of prediction and mask
-    held, rays : (N,) int, touches held and rays cast
+    held, rays, wasted : (N,) int, touches held, rays cast, and rays since the last new touch
     """
 
     def __init__(self, masks: np.ndarray, reconstructor: Reconstructor) -> None:
@@ -49,6 +50,7 @@ class Explorations:
         self.jaccard = np.empty(len(masks), np.float32)
         self.held = np.zeros(len(masks), int)
         self.rays = np.zeros(len(masks), int)
+        self.wasted = np.zeros(len(masks), int)
         self.restart(np.arange(len(masks)), masks)
 
     def __len__(self) -> int:
@@ -67,6 +69,7 @@ class Explorations:
         self.jaccard[which] = jaccard_index(self.reconstructor.untouched, masks)
         self.held[which] = 0
         self.rays[which] = 0
+        self.wasted[which] = 0
 
     def cast(self, rays: np.ndarray) -> Cast:
         """Cast one ray (alpha, beta) in each exploration, (N, 2) int, and reconstruct.
@@ -83,6 +86,8 @@ class Explorations:
         before = np.where(self.rays == 0, np.float32(0), self.jaccard)
         self.rays += 1
         self.held[gained] += 1
+        self.wasted += 1
+        self.wasted[gained] = 0
         self.touches[gained, rows[gained], columns[gained]] = 1
         if len(gained):
             predictions = self.reconstructor.predict(self.touches[gained])
@@ -94,6 +99,13 @@ class Explorations:
         """What a policy sees, (N, 2, R, R) uint8: the reconstruction and the touches, 0–255."""
         touches = self.touches[which] * np.uint8(255)
         return np.stack([to_grey(self.predictions[which]), touches], axis=1)
+
+    def select(self, which: np.ndarray) -> "Explorations":
+        """The explorations at indices `which`, on their own from here on."""
+        chosen = copy.copy(self)
+        for name in ARRAYS:
+            setattr(chosen, name, getattr(self, name)[which].copy())
+        return chosen
 
     def get_state(self) -> dict[str, np.ndarray]:
         """All arrays by name, copied."""

@@ -17,7 +17,8 @@ from tactile_core.reconstruction.inference import Reconstructor
 class BatchedTactileEnv(VecEnv):
     """`count` environments like `TactileEnv`, step for step, as one Stable-Baselines3 VecEnv.
 
-    Environment i draws its masks from a generator of its own, seeded with `seed + i` as
+    `reward_scale` multiplies the rewards that the learner sees; the returns in an episode's
+    info stay in Jaccard points. Environment i draws its masks from a generator of its own, seeded with `seed + i` as
     Stable-Baselines3 seeds single environments; the state can be read and set, so that a
     training resumes exactly.
     """
@@ -31,6 +32,7 @@ class BatchedTactileEnv(VecEnv):
         *,
         count: int = 10,
         ray_limit: int = 100,
+        reward_scale: float = 1.0,
         seed: int = 0,
     ) -> None:
         resolution = masks.shape[-1]
@@ -38,6 +40,7 @@ class BatchedTactileEnv(VecEnv):
         self.stage = stage
         self.count = count
         self.ray_limit = ray_limit
+        self.reward_scale = reward_scale
         self.order = report_order(resolution)
         self.generators = [np_random(seed + index)[0] for index in range(environments)]
         self.drawn = np.zeros(environments, int)
@@ -89,7 +92,7 @@ class BatchedTactileEnv(VecEnv):
         if len(ended):
             self.restart(ended)
             observations[ended] = self.state.observations(ended)
-        return observations, rewards, done, infos
+        return observations, rewards * np.float32(self.reward_scale), done, infos
 
     def ended(self) -> tuple[np.ndarray, np.ndarray]:
         """Which episodes are terminated and which are truncated, (N,) bool each."""

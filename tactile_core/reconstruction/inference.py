@@ -47,8 +47,7 @@ class Reconstructor:
         """Probability of the object, (N, R, R) float32 in 0–1, for touches (N, R, R), 0 or 1."""
         batch = LARGEST_CPU_BATCH if self.device.type == "cpu" else max(len(touches), 1)
         parts = [
-            self._forward(touches[start : start + batch])
-            for start in range(0, len(touches), batch)
+            self._forward(touches[start : start + batch]) for start in range(0, len(touches), batch)
         ]
         return np.concatenate(parts) if parts else np.zeros(touches.shape, np.float32)
 

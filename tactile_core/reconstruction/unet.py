@@ -26,8 +26,7 @@ class UNet(nn.Module):
         widths = [channels * 2**level for level in range(depth)]
         shallower = list(reversed(widths[:-1]))
         self.contract = nn.ModuleList(
-            _block(inside, outside)
-            for inside, outside in zip([1, *widths], widths, strict=False)
+            _block(inside, outside) for inside, outside in zip([1, *widths], widths, strict=False)
         )
         # A 1×1 convolution and nearest upsampling commute; this order costs a quarter.
         self.raise_ = nn.ModuleList(nn.Conv2d(2 * width, width, 1) for width in shallower)

@@ -1,0 +1,79 @@
+"""Policies: whatever chooses the next ray. Here the trained ones, read back from their files."""
+
+import io
+import json
+from typing import Protocol
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from upath import UPath
+
+from tactile_core.errors import TactileError
+from tactile_core.exploration.circle import report_order
+from tactile_core.exploration.state import Explorations
+from tactile_core.reconstruction.inference import best_device
+
+
+class Policy(Protocol):
+    """Chooses rays for many explorations at once.
+
+    name : as in the tables
+    seed : the training seed; 0 where nothing was trained
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    def choose(
+        self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
+    ) -> np.ndarray:
+        """The next ray (alpha, beta) of each exploration, (N, 2) int into `circle_pixels`."""
+        ...
+
+
+class PPOPolicy:
+    """A policy that PPO trained on the report's environment."""
+
+    def __init__(self, name: str, seed: int, model: PPO) -> None:
+        self.name = name
+        self.seed = seed
+        self.model = model
+
+    @torch.no_grad()
+    def choose(
+        self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
+    ) -> np.ndarray:
+        observations = torch.from_numpy(explorations.observations()).to(self.model.device)
+        distribution = self.model.policy.get_distribution(observations)
+        logits = [
+            head.logits.cpu().numpy()
+            for head in distribution.distribution  # type: ignore[attr-defined]
+        ]
+        if not deterministic:
+            logits = [some + rng.gumbel(size=some.shape) for some in logits]
+        actions = np.stack([some.argmax(axis=1) for some in logits], axis=1)
+        return report_order(explorations.resolution)[actions]
+
+
+def load_policy(directory: UPath, resolution: int) -> Policy:
+    """The policy stored in `directory`; raises `TactileError` where it is missing, damaged or
+    made for another resolution."""
+    try:
+        about = json.loads((directory / "settings.json").read_bytes())
+        zipped = (directory / "policy.zip").read_bytes()
+    except FileNotFoundError as error:
+        raise TactileError(f"{directory} holds no policy: materialise policies first") from error
+    except ValueError as error:
+        raise TactileError(f"{directory} is damaged: materialise policies again") from error
+    if about["resolution"] != resolution:
+        raise TactileError(
+            f"{directory} was trained at resolution {about['resolution']}, the U-Net is at "
+            f"{resolution}: materialise policies again"
+        )
+    model = PPO.load(io.BytesIO(zipped), device=best_device())
+    model.policy.set_training_mode(False)
+    return PPOPolicy(about["approach"], about["seed"], model)

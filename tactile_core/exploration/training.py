@@ -1,0 +1,62 @@
+"""Training one policy and storing it: the SB3 zip, its curve and its settings."""
+
+import io
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from upath import UPath
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.exploration.approaches import find_approach
+from tactile_core.exploration.ppo import train_ppo
+from tactile_core.files import content_hash, write_table, written_whole
+from tactile_core.reconstruction.inference import Reconstructor, best_device
+from tactile_core.reconstruction.trained import TrainedUNet
+from tactile_core.settings import PolicySettings
+
+
+def train_policy(
+    approach: str,
+    seed: int,
+    train: Shapes,
+    unet: TrainedUNet,
+    settings: PolicySettings,
+    *,
+    directory: UPath,
+    work: Path,
+    progress: Callable[[str], None] = lambda message: None,
+) -> str:
+    """Train `approach` with `seed` on the train shapes and store it in `directory`.
+
+    Returns a hash of the policy's weights. `directory` receives policy.zip (an SB3 PPO),
+    curve.parquet and, last, settings.json; `work` holds the checkpoint of a training under
+    way. Raises `TactileError` for an unknown approach.
+    """
+    recipe = find_approach(approach)
+    if best_device().type == "cpu":
+        # Trainings run side by side, one a core; one thread each also makes the result
+        # independent of how many cores there are.
+        torch.set_num_threads(1)
+    own = settings.model_dump(exclude={"approaches", "seeds"})
+    key = content_hash(approach, seed, own, unet.version(), train.masks.tobytes())
+    model, curve = train_ppo(
+        recipe, seed, train, Reconstructor(unet), settings, key=key, work=work, progress=progress
+    )
+    weights = {name: value.cpu() for name, value in model.policy.state_dict().items()}
+    version = content_hash(*(value.numpy().tobytes() for value in weights.values()))
+    zipped = io.BytesIO()
+    model.save(zipped)
+    about = {
+        "approach": approach, "seed": seed, "settings": own,
+        "unet": unet.version(), "resolution": unet.resolution, "version": version,
+    }  # fmt: skip
+    with written_whole(directory / "policy.zip") as file:
+        file.write(zipped.getvalue())
+    write_table(curve, directory / "curve.parquet")
+    with written_whole(directory / "settings.json") as file:
+        file.write(json.dumps(about, indent=2).encode())
+    shutil.rmtree(work, ignore_errors=True)
+    return version
