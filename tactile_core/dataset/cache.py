@@ -17,7 +17,7 @@ from upath import UPath
 
 from tactile_core.files import content_hash
 
-PIECE = 1 << 20  # bytes read at a time
+PIECE = 1 << 16  # bytes read at a time; a broken download loses less than one piece
 VERSION_KEYS = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "updated", "mtime")
 
 
