@@ -133,7 +133,7 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
     def observe(self) -> np.ndarray:
         return np.stack([to_grey(self.prediction), self.touches * np.uint8(255)])
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]
+    def render(self) -> np.ndarray | None:
         """The mask in grey, the thresholded prediction in pink, the ray in white, touches in
         yellow: (R, R, 3) uint8."""
         if self.render_mode != "rgb_array":

@@ -2,7 +2,7 @@
 
 import io
 import json
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -49,10 +49,8 @@ class PPOPolicy:
     ) -> np.ndarray:
         observations = torch.from_numpy(explorations.observations()).to(self.model.device)
         distribution = self.model.policy.get_distribution(observations)
-        logits = [
-            head.logits.cpu().numpy()
-            for head in distribution.distribution  # type: ignore[attr-defined]
-        ]
+        heads: Any = distribution.distribution  # one categorical each for alpha and beta
+        logits = [head.logits.cpu().numpy() for head in heads]
         if not deterministic:
             logits = [some + rng.gumbel(size=some.shape) for some in logits]
         actions = np.stack([some.argmax(axis=1) for some in logits], axis=1)

@@ -18,9 +18,9 @@ class BatchedTactileEnv(VecEnv):
     """`count` environments like `TactileEnv`, step for step, as one Stable-Baselines3 VecEnv.
 
     `reward_scale` multiplies the rewards that the learner sees; the returns in an episode's
-    info stay in Jaccard points. Environment i draws its masks from a generator of its own, seeded with `seed + i` as
-    Stable-Baselines3 seeds single environments; the state can be read and set, so that a
-    training resumes exactly.
+    info stay in Jaccard points. Environment i draws its masks from a generator of its own,
+    seeded with `seed + i` as Stable-Baselines3 seeds single environments; the state can be
+    read and set, so that a training resumes exactly.
     """
 
     def __init__(
@@ -136,5 +136,5 @@ class BatchedTactileEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         return [False] * len(self._chosen(indices))
 
-    def _chosen(self, indices: None | int | Iterable[int]) -> Sequence[int]:
+    def _chosen(self, indices: int | Iterable[int] | None) -> Sequence[int]:
         return list(self._get_indices(indices))

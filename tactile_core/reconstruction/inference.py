@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.reconstruction.unet import fuse_normalisation
+from tactile_core.reconstruction.unet import fuse_normalisation, place
 
 Precision = Literal["auto", "bfloat16", "float32"]
 
@@ -38,9 +38,7 @@ class Reconstructor:
         self.dtype = torch.bfloat16 if precision == "bfloat16" else torch.float32
         self.resolution = unet.resolution
         self.version = unet.version()
-        self._net = fuse_normalisation(unet.net()).to(
-            self.device, self.dtype, memory_format=torch.channels_last
-        )
+        self._net = place(fuse_normalisation(unet.net()), self.device, self.dtype)
 
     @torch.inference_mode()
     def predict(self, touches: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
+from tactile_core.reconstruction.unet import place
 
 OVERFIT_TOUCHES = 60
 
@@ -29,10 +30,9 @@ def evaluate_reconstruction(
     A row with empty `touches` is over the stored touch sets (Table II); the others hold
     exactly 0…`most` touches, drawn afresh from each outline.
     """
-    rows = []
-    net = unet.net()
+    rows: list[tuple[str, int | None, float, float, int]] = []
     device = best_device()
-    net.to(device, memory_format=torch.channels_last)
+    net = place(unet.net(), device)
     for split, some in shapes.items():
         sets = touch_sets_of(some, tactile_samples)
         masks = some.masks[[index for index, _ in sets]]

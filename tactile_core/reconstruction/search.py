@@ -1,5 +1,6 @@
 """Hyperparameter search with Ray Tune: Bayesian optimisation with HyperBand (report, section V)."""
 
+import logging
 import os
 import random
 import shutil
@@ -45,7 +46,8 @@ def search_unet(
     """
     with running_ray(settings.concurrent), seeded(settings.seed):
         results = run_trials(train, evaluation, settings, work.resolve(), progress)
-    rows = [trial_row(result.metrics) for result in results if "loss" in (result.metrics or {})]
+    finished = [results[index].metrics or {} for index in range(len(results))]
+    rows = [trial_row(result) for result in finished if "loss" in result]
     if not rows:
         reason = str(results.errors[0]).strip().splitlines()[-1] if results.errors else "no trial"
         raise TactileError(f"every trial of the U-Net search failed; the first says: {reason}")
@@ -82,7 +84,7 @@ def running_ray(concurrent: int) -> Iterator[None]:
     ray.init(
         address=address or "local",
         log_to_driver=False,
-        logging_level="ERROR",
+        logging_level=logging.ERROR,
         **({} if address else local),
     )
     try:

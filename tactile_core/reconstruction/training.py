@@ -24,7 +24,7 @@ from tactile_core.reconstruction.batches import (
 from tactile_core.reconstruction.inference import best_device, bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.reconstruction.unet import UNet
+from tactile_core.reconstruction.unet import UNet, place
 from tactile_core.settings import UNetSettings
 
 logger = logging.getLogger(__name__)
@@ -58,7 +58,7 @@ def begin_training(depth: int, channels: int, learning_rate: float, seed: int) -
     """A freshly initialised U-Net with its optimiser, on the best device."""
     torch.manual_seed(seed)
     device = best_device()
-    net = UNet(depth, channels).to(device, memory_format=torch.channels_last)
+    net = place(UNet(depth, channels), device)
     optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4)
     return Training(net, optimizer, np.random.default_rng(seed), device)
 

@@ -34,9 +34,8 @@ def run_trial(
     that an earlier, killed search finished are reported without being trained again.
     """
     # Ray hands out whole processors; more threads than those only get in each other's way.
-    torch.set_num_threads(
-        max(1, int(tune.get_context().get_trial_resources().required_resources["CPU"]))
-    )
+    share = tune.get_context().get_trial_resources().required_resources
+    torch.set_num_threads(max(1, int(share["CPU"])))
     depth, channels = int(config["depth"]), int(config["channels"])
     training = begin_training(depth, channels, float(config["learning_rate"]), settings.seed)
     touch_sets = fixed_touch_sets(evaluation, settings.seed)
@@ -54,9 +53,8 @@ def run_trial(
         training.load_state(state)
     for epoch in range(done, settings.epochs):
         if epoch >= len(curve):
-            train_epoch(
-                training, train, int(config["batch_size"]), samples=settings.samples_per_epoch
-            )
+            batch_size = int(config["batch_size"])
+            train_epoch(training, train, batch_size, samples=settings.samples_per_epoch)
             loss, scores = evaluate(training.net, touch_sets, evaluation.masks, training.device)
             curve = [*curve, {"loss": loss, "jaccard": float(scores.mean())}]
             state = training.state()
