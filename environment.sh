@@ -20,6 +20,8 @@ fi
 # (DAGSTER_MODULE_NAME would do the same and make `dagster dev` hang.)
 export DAGSTER_CLI_ASSET_MATERIALIZE_MODULE_NAME=tactile_assets.definitions
 export DAGSTER_CLI_ASSET_LIST_MODULE_NAME=tactile_assets.definitions
+# The newer form, `dg launch --assets …`, serves as well; no need to hear of it each time.
+export PYTHONWARNINGS="${PYTHONWARNINGS:+$PYTHONWARNINGS,}ignore:Function \`asset_materialize_command"
 
 # What runs on this machine stays on it; Ray writes no token into the user's home.
 export DAGSTER_DISABLE_TELEMETRY=yes

@@ -1,0 +1,217 @@
+"""Report, section IV: from ShapeNet archives to masks, outlines and touches."""
+
+import dagster as dg
+import numpy as np
+import pandas as pd
+
+from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.resources import OWNERS, Store, counts, markdown, stored
+from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, TouchSettings
+
+
+@defaults(PROFILE.meshes)
+class MeshConfig(StageConfig, MeshSettings):
+    """Where the 3D models come from."""
+
+
+@defaults(PROFILE.masks)
+class MaskConfig(StageConfig, MaskSettings):
+    """How a mesh becomes a silhouette."""
+
+
+@defaults(PROFILE.splits)
+class SplitConfig(StageConfig, SplitSettings):
+    """Train, eval and test models, and their rotations."""
+
+
+@defaults(PROFILE.touches)
+class TouchConfig(StageConfig, TouchSettings):
+    """Touch sets drawn from each outline."""
+
+
+@dg.asset(
+    group_name="dataset",
+    kinds={"shapenet", "trimesh", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1, PROFILE.meshes),
+    io_manager_key="tables",
+)
+def shapenet_meshes(
+    context: dg.AssetExecutionContext, config: MeshConfig, store: Store
+) -> dg.MaterializeResult:
+    """The 3D models that everything starts from, and a manifest of them.
+
+    ShapeNet archives, folders of your own meshes, or generated mugs and bottles: `location`
+    says where the first two lie, and without it meshes are generated. A class is added by
+    naming it and its synset. Each row of the manifest is a mesh, with its source, size, content
+    hash and status; one that cannot be used stays in it with the reason.
+    """
+    from tactile_core.dataset.meshes import collect_meshes
+
+    manifest = collect_meshes(
+        config, store.path("shapenet_meshes"), store.work(), progress=context.log.info
+    )
+    usable = manifest[manifest["status"] == "ok"]
+    aside = manifest.loc[manifest["status"] != "ok", ["model_id", "category", "status"]]
+    by_class = usable.groupby("category", as_index=False).agg(
+        source=("source", "first"), meshes=("file", "size"), median_faces=("faces", "median")
+    )
+    return stored(
+        manifest,
+        meshes=len(usable),
+        set_aside=len(aside),
+        by_class=markdown(by_class, digits=0),
+        **({"reasons": markdown(aside.head(20))} if len(aside) else {}),
+    )
+
+
+@dg.asset(
+    group_name="dataset",
+    kinds={"pyrender", "numba", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1, PROFILE.masks),
+    io_manager_key="tables",
+)
+def masks(
+    context: dg.AssetExecutionContext,
+    config: MaskConfig,
+    store: Store,
+    shapenet_meshes: pd.DataFrame,
+) -> dg.MaterializeResult:
+    """One silhouette per mesh: a binary picture, 1 where the object projects.
+
+    All are seen from the same perspective, by an orthographic camera that looks horizontally at
+    45° azimuth. PyRender draws them where OpenGL is to be had, else our own rasteriser, with
+    equal pixels. Meshes that have not changed are not rendered again.
+    """
+    from tactile_core.dataset.silhouettes import render_masks
+    from tactile_core.figures.sheets import mask_sheet
+    from tactile_core.figures.style import png
+
+    table = render_masks(
+        shapenet_meshes,
+        store.path("shapenet_meshes"),
+        config,
+        previous=store.previous("masks"),
+        progress=context.log.info,
+    )
+    usable = table[table["status"] == "ok"]
+    pictures, categories = decoded(usable)
+    return stored(
+        table,
+        masks=len(usable),
+        set_aside=len(table) - len(usable),
+        resolution=config.resolution,
+        covered_percent=float(100 * pictures.mean()),
+        sheet=store.picture("masks.png", png(mask_sheet(pictures, categories))),
+    )
+
+
+@dg.asset(
+    group_name="dataset",
+    kinds={"numpy", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1, PROFILE.splits),
+    io_manager_key="tables",
+)
+def rotated_splits(
+    context: dg.AssetExecutionContext,
+    config: SplitConfig,
+    store: Store,
+    shapenet_meshes: pd.DataFrame,
+    masks: pd.DataFrame,
+) -> dg.MaterializeResult:
+    """Train, eval and test models (80/10/10), each at five random in-plane rotations.
+
+    The models of each class are split first and rotated afterwards, so that no object is seen
+    in training and in a test, however it is turned. Rotations are rendered anew from the
+    geometry: no pixel is resampled.
+    """
+    from tactile_core.dataset.splits import rotate_splits
+    from tactile_core.figures.sheets import mask_sheet
+    from tactile_core.figures.style import png
+
+    rendering = PROFILE.masks.model_copy(update={"resolution": int(masks["resolution"].iloc[0])})
+    table = rotate_splits(
+        masks,
+        shapenet_meshes,
+        store.path("shapenet_meshes"),
+        rendering,
+        config,
+        previous=store.previous("rotated_splits"),
+        progress=context.log.info,
+    )
+    some = table[table["split"] == "train"]
+    pictures, categories = decoded(some)
+    return stored(
+        table,
+        samples=len(table),
+        by_split=counts(table, "split", "category"),
+        models=counts(table.drop_duplicates("model_id"), "split", "category"),
+        sheet=store.picture("rotated_splits.png", png(mask_sheet(pictures, categories))),
+    )
+
+
+@dg.asset(
+    group_name="dataset",
+    kinds={"scipy", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1),
+    io_manager_key="tables",
+)
+def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
+    """The outline of each sample: every mask pixel that a ray from outside can reach.
+
+    Concavities belong to it, such as the inside of a handle that is open to one side; holes do
+    not, as no ray gets there. Touches can lie nowhere else.
+    """
+    from tactile_core.dataset.outlines import trace_outlines
+
+    table = trace_outlines(rotated_splits)
+    lengths = table["outline"].map(len)
+    return stored(
+        table,
+        samples=len(table),
+        shortest=int(lengths.min()),
+        median=float(lengths.median()),
+        longest=int(lengths.max()),
+    )
+
+
+@dg.asset(
+    group_name="dataset",
+    kinds={"numpy", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1, PROFILE.touches),
+    io_manager_key="tables",
+)
+def tactile_samples(
+    config: TouchConfig, store: Store, rotated_splits: pd.DataFrame, outlines: pd.DataFrame
+) -> dg.MaterializeResult:
+    """Sets of 1 to 10 touches drawn from each outline: what a hand may have felt so far.
+
+    Table II is measured on these sets. Training draws fresh ones from the outlines all the time,
+    so that no net can learn a set by heart.
+    """
+    from tactile_core.dataset.touches import sample_touches
+    from tactile_core.figures.sheets import touch_sheet
+    from tactile_core.figures.style import png
+
+    table = sample_touches(outlines, config)
+    first = table[table["set"] == 0].reset_index(drop=True)
+    pictures, categories = decoded(rotated_splits)
+    sheet = touch_sheet(pictures, list(outlines["outline"]), list(first["touches"]), categories)
+    sizes = table["touches"].map(len).value_counts().sort_index()
+    return stored(
+        table,
+        sets=len(table),
+        by_touches=markdown(sizes.rename_axis("touches").reset_index(name="sets")),
+        sheet=store.picture("tactile_samples.png", png(sheet)),
+    )
+
+
+def decoded(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    """Masks (N, R, R) bool and categories (N,) str of a table that holds pictures."""
+    from tactile_core.dataset.pictures import decode_masks
+
+    return decode_masks(table["mask"]), table["category"].to_numpy(dtype=str)

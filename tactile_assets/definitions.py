@@ -1,0 +1,41 @@
+"""The whole platform on one page.
+
+    shapenet_meshes → masks → rotated_splits → outlines → tactile_samples
+                                   │               │             │
+                                   │               │       unet_search → unet → reconstruction_evaluation
+                                   └───────────────┴──────────────────────┤
+                                                                       policies
+                                                                          │
+                                                  per_step_evaluation, per_grasp_evaluation
+"""
+
+import dagster as dg
+
+from tactile_assets import console, dataset, evaluation, exploration, io_managers, reconstruction
+from tactile_assets.config import PROFILE
+from tactile_assets.resources import Store
+
+# Small steps are over before a process has started; long ones run side by side, one a core.
+EXECUTOR = (
+    dg.in_process_executor
+    if PROFILE.name == "smoke"
+    else dg.multiprocess_executor.configured(
+        {"start_method": {"forkserver": {"preload_modules": ["tactile_assets.preload"]}}}
+    )
+)
+
+console.install()
+
+defs = dg.Definitions(
+    assets=dg.load_assets_from_modules(
+        [dataset, reconstruction, exploration, evaluation]
+    ),
+    resources={
+        "store": Store.from_environment(),
+        "tables": io_managers.tables,
+        "unets": io_managers.unets,
+        "policy_index": io_managers.policy_index,
+    },
+    executor=EXECUTOR,
+    loggers={"console": console.console},
+)

@@ -1,0 +1,151 @@
+"""Report, section VII: the policies on shapes that nothing was trained on."""
+
+from typing import TYPE_CHECKING, Any
+
+import dagster as dg
+import pandas as pd
+from upath import UPath
+
+from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.resources import OWNERS, Store, markdown, stored
+from tactile_core.settings import EvaluationSettings
+
+if TYPE_CHECKING:
+    from tactile_core.evaluation.rollout import Rollout
+
+
+@defaults(PROFILE.per_step)
+class PerStepConfig(StageConfig, EvaluationSettings):
+    """Ten rays of each policy on every test sample."""
+
+
+@defaults(PROFILE.per_grasp)
+class PerGraspConfig(StageConfig, EvaluationSettings):
+    """Rays of each policy on every test sample until ten touches are held."""
+
+
+REFRESH = dg.AutomationCondition.eager()
+
+
+@dg.asset(
+    group_name="evaluation",
+    kinds={"pytorch", "matplotlib", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1, PROFILE.per_step),
+    io_manager_key="tables",
+    automation_condition=REFRESH,
+)
+def per_step_evaluation(
+    context: dg.AssetExecutionContext,
+    config: PerStepConfig,
+    store: Store,
+    rotated_splits: pd.DataFrame,
+    outlines: pd.DataFrame,
+    unet: TrainedUNet,
+    policies: list[UPath],
+) -> dg.MaterializeResult:
+    """Ten rays of every policy on every test sample: the Jaccard index after each (Figure 4).
+
+    Reference policies stand beside the trained ones: `random`, as in the report; `even`, a fixed
+    sweep; `coverage` and `uncertainty`, which look at the reconstruction; and `oracle`, which
+    knows the shape and takes the best ray there is.
+    """
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.evaluation.protocols import evaluate_per_step
+    from tactile_core.exploration.policies import load_policy
+    from tactile_core.figures.animation import rollout_gif
+    from tactile_core.figures.rollouts import runs_figure, steps_figure
+    from tactile_core.figures.style import png
+    from tactile_core.reconstruction.inference import Reconstructor
+
+    test = load_shapes(rotated_splits, outlines, "test")
+    trained = [load_policy(directory, unet.resolution) for directory in policies]
+    reconstructor = Reconstructor(unet)
+    table = evaluate_per_step(trained, test, reconstructor, config, context.log.info)
+    runs = example_runs(table, trained, test, reconstructor, config)
+    return stored(
+        table,
+        **curve(table, "step", config, store),
+        one_run=store.picture("figure_2.png", png(steps_figure(runs[-1]))),
+        runs=store.picture("figure_3.png", png(runs_figure(runs), width_px=540)),
+        animation=store.picture("run.gif", rollout_gif(runs[-1])),
+    )
+
+
+@dg.asset(
+    group_name="evaluation",
+    kinds={"pytorch", "matplotlib", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1, PROFILE.per_grasp),
+    io_manager_key="tables",
+    automation_condition=REFRESH,
+)
+def per_grasp_evaluation(
+    context: dg.AssetExecutionContext,
+    config: PerGraspConfig,
+    store: Store,
+    rotated_splits: pd.DataFrame,
+    outlines: pd.DataFrame,
+    unet: TrainedUNet,
+    policies: list[UPath],
+) -> dg.MaterializeResult:
+    """Rays of every policy until ten touches are held: the Jaccard index at each (Figure 5).
+
+    It tells whether a policy chooses better touches, or only misses less often. How many rays
+    it took is in the table too. Where the ray limit was reached first, a touch that was never
+    made is a row without a Jaccard index.
+    """
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.evaluation.protocols import evaluate_per_grasp
+    from tactile_core.exploration.policies import load_policy
+    from tactile_core.reconstruction.inference import Reconstructor
+
+    test = load_shapes(rotated_splits, outlines, "test")
+    trained = [load_policy(directory, unet.resolution) for directory in policies]
+    table = evaluate_per_grasp(trained, test, Reconstructor(unet), config, context.log.info)
+    return stored(table, **curve(table, "grasp", config, store))
+
+
+def curve(
+    table: pd.DataFrame, index: str, settings: EvaluationSettings, store: Store
+) -> dict[str, Any]:
+    """Figure 4 ("step") or 5 ("grasp") and its values, as metadata."""
+    from tactile_core.evaluation.statistics import mean_curve
+    from tactile_core.figures.curves import policy_curves
+    from tactile_core.figures.style import png
+
+    means = mean_curve(table, index, settings.resamples, settings.seed)
+    figure = {"step": "figure_4.png", "grasp": "figure_5.png"}[index]
+    wide = means.pivot(index="policy", columns=index, values="mean")
+    return {
+        "samples": table["sample_id"].nunique(),
+        "curves": store.picture(figure, png(policy_curves(means, index))),
+        "jaccard": markdown(wide.loc[means["policy"].unique()].reset_index(), digits=1),
+    }
+
+
+def example_runs(
+    table: pd.DataFrame, trained: list[Any], test: Any, reconstructor: Any, settings: EvaluationSettings
+) -> "list[Rollout]":
+    """For each category two rollouts on one shape: by `random`, and by the best trained policy.
+
+    The shape is the one on which the policy's final Jaccard index is the median.
+    """
+    from tactile_core.evaluation.protocols import record_rollout
+    from tactile_core.exploration.references import find_reference
+
+    last = table[table["step"] == table["step"].max()]
+    means = [
+        last.loc[(last["policy"] == policy.name) & (last["seed"] == policy.seed), "jaccard"].mean()
+        for policy in trained
+    ]
+    best = trained[means.index(max(means))]
+    own = last[(last["policy"] == best.name) & (last["seed"] == best.seed)]
+    runs = []
+    for _, rows in own.groupby("category", sort=True):
+        median = rows.sort_values("jaccard", kind="stable")["sample_id"].iloc[len(rows) // 2]
+        index = list(test.sample_ids).index(median)
+        for policy in (find_reference("random"), best):
+            runs.append(record_rollout(policy, test, index, reconstructor, settings))
+    return runs

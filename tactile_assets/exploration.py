@@ -1,0 +1,132 @@
+"""Report, section VI: policies that choose where to touch next."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import dagster as dg
+import pandas as pd
+
+from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.resources import OWNERS, Store, markdown
+from tactile_core.errors import TactileError
+from tactile_core.files import content_hash, read_table
+from tactile_core.settings import PolicySettings
+
+
+@defaults(PROFILE.policies)
+class PolicyConfig(StageConfig, PolicySettings):
+    """PPO training of the policies."""
+
+
+class Training(NamedTuple):
+    """One policy to train, and once it is trained the version of its weights."""
+
+    approach: str
+    seed: int
+    settings: PolicySettings
+    version: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of the policy's directory."""
+        return f"{self.approach}-{self.seed}"
+
+
+@dg.op(out=dg.DynamicOut(Training, description="One for each approach and seed."))
+def plan_trainings(config: PolicyConfig) -> Iterator[dg.DynamicOutput[Training]]:
+    """Which policies to train; refuses approaches that are not known before any is trained."""
+    from tactile_core.exploration.approaches import find_approach
+
+    settings = PolicySettings(**config.model_dump())
+    for approach in dict.fromkeys(settings.approaches):
+        find_approach(approach)
+    for approach in dict.fromkeys(settings.approaches):
+        for seed in dict.fromkeys(settings.seeds):
+            yield dg.DynamicOutput(
+                Training(approach, seed, settings), mapping_key=f"{approach}_{seed}"
+            )
+
+
+@dg.op(retry_policy=dg.RetryPolicy(max_retries=2, delay=5, backoff=dg.Backoff.EXPONENTIAL))
+def train_policy(
+    context: dg.OpExecutionContext,
+    store: Store,
+    training: Training,
+    rotated_splits: pd.DataFrame,
+    outlines: pd.DataFrame,
+    unet: TrainedUNet,
+) -> Training:
+    """Train one policy and store it; goes on from its checkpoint where it was interrupted."""
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.exploration import training as core
+
+    try:
+        version = core.train_policy(
+            training.approach,
+            training.seed,
+            load_shapes(rotated_splits, outlines, "train"),
+            unet,
+            training.settings,
+            directory=store.path("policies", training.name),
+            work=store.work("policies", training.name),
+            progress=context.log.info,
+        )
+    except TactileError as error:
+        raise dg.Failure(str(error), allow_retries=False) from error
+    return training._replace(version=version)
+
+
+@dg.op(out=dg.Out(io_manager_key="policy_index"))
+def gather_policies(store: Store, trained: list[Training]) -> dg.Output[dict[str, str]]:
+    """The policies that were trained, by the names of their directories."""
+    from tactile_core.figures.curves import training_curves
+    from tactile_core.figures.style import png
+
+    versions = {training.name: training.version for training in trained}
+    curves = pd.concat(
+        read_table(store.path("policies", training.name, "curve.parquet")).assign(
+            approach=training.approach, seed=training.seed
+        )
+        for training in trained
+    )
+    last = curves.groupby(["approach", "seed"], sort=False, as_index=False).last()
+    metadata: dict[str, Any] = {
+        "policies": len(trained),
+        "end_of_training": markdown(last[["approach", "seed", "steps", "reward", "jaccard"]]),
+        "tensorboard": dg.MetadataValue.path(store.work("policies")),
+        "training_curves": store.picture("training_curves.png", png(training_curves(curves))),
+    }
+    version = dg.DataVersion(content_hash(sorted(versions.items())))
+    return dg.Output(versions, metadata=metadata, data_version=version)
+
+
+@dg.config_mapping
+def policy_config(config: PolicyConfig) -> dict[str, Any]:
+    """Run config of the asset as run config of the op that plans the trainings."""
+    return {"plan_trainings": {"config": config.model_dump()}}
+
+
+@dg.graph_asset(
+    group_name="exploration",
+    kinds={"gymnasium", "stablebaselines3", "pytorch"},
+    owners=OWNERS,
+    code_version=code_version(1, PROFILE.policies),
+    config=policy_config,
+)
+def policies(
+    rotated_splits: pd.DataFrame, outlines: pd.DataFrame, unet: TrainedUNet
+) -> dict[str, str]:
+    """Policies trained with PPO to choose the next ray from what was felt so far.
+
+    One for each training approach and seed: `diff` and `total` reward what a ray adds to the
+    Jaccard index or the index itself, with -10 for a miss or a repeat; `total_miss` and
+    `pre_diff_miss` begin without penalty. Each training is a step of its own, which is retried
+    and resumed on its own.
+    """
+    trained = plan_trainings().map(
+        lambda training: train_policy(
+            training, rotated_splits=rotated_splits, outlines=outlines, unet=unet
+        )
+    )
+    return gather_policies(trained.collect())

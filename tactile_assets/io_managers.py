@@ -1,0 +1,76 @@
+"""How asset values become files among the artifacts, in formats a user can open without this code."""
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import dagster as dg
+import pandas as pd
+from upath import UPath
+
+from tactile_core.errors import TactileError
+from tactile_core.files import read_table, write_table, written_whole
+
+if TYPE_CHECKING:
+    from tactile_core.reconstruction.trained import TrainedUNet
+else:
+    TrainedUNet = Any  # Dagster resolves annotations when it loads, and torch takes seconds
+
+
+class Tables(dg.UPathIOManager):
+    """A table as `<asset>.parquet`."""
+
+    extension = ".parquet"
+
+    def dump_to_path(self, context: dg.OutputContext, obj: pd.DataFrame, path: UPath) -> None:
+        write_table(obj, path)
+
+    def load_from_path(self, context: dg.InputContext, path: UPath) -> pd.DataFrame:
+        return read_table(path)
+
+
+class UNets(dg.UPathIOManager):
+    """A trained U-Net as a directory of safetensors weights, learning curve and settings."""
+
+    def dump_to_path(self, context: dg.OutputContext, obj: TrainedUNet, path: UPath) -> None:
+        from tactile_core.reconstruction.trained import save_unet
+
+        save_unet(obj, path)
+
+    def load_from_path(self, context: dg.InputContext, path: UPath) -> TrainedUNet:
+        from tactile_core.reconstruction.trained import load_unet
+
+        return load_unet(path)
+
+
+class PolicyIndex(dg.UPathIOManager):
+    """`index.json` beside the policies' directories: which of them belong to the asset.
+
+    Trainings store their own directories. Those of approaches that are no longer trained stay
+    on disk and out of the evaluations. Written from versions by directory name; read as paths.
+    """
+
+    def dump_to_path(self, context: dg.OutputContext, obj: dict[str, str], path: UPath) -> None:
+        with written_whole(path / "index.json") as file:
+            file.write(json.dumps(obj, indent=2).encode())
+
+    def load_from_path(self, context: dg.InputContext, path: UPath) -> list[UPath]:
+        try:
+            names = json.loads((path / "index.json").read_bytes())
+        except (FileNotFoundError, ValueError) as error:
+            raise TactileError(f"{path} holds no trained policies: materialise policies") from error
+        return [path / name for name in names]
+
+
+@dg.io_manager(required_resource_keys={"store"})
+def tables(context: dg.InitResourceContext) -> Tables:
+    return Tables(base_path=context.resources.store.path())
+
+
+@dg.io_manager(required_resource_keys={"store"})
+def unets(context: dg.InitResourceContext) -> UNets:
+    return UNets(base_path=context.resources.store.path())
+
+
+@dg.io_manager(required_resource_keys={"store"})
+def policy_index(context: dg.InitResourceContext) -> PolicyIndex:
+    return PolicyIndex(base_path=context.resources.store.path())

@@ -1,0 +1,85 @@
+"""Where everything lies, and how assets say what they stored."""
+
+import base64
+import logging
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+from pydantic import Field
+from upath import UPath
+
+from tactile_core.errors import TactileError
+from tactile_core.files import read_table, table_hash, written_whole
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+OWNERS = ["team:tactile-exploration"]
+
+logger = logging.getLogger(__name__)
+
+
+class Store(dg.ConfigurableResource):
+    """The folders of the platform: what assets store, and what only this machine keeps."""
+
+    home: str = Field(description="Local folder for caches and trainings under way.")
+    artifacts: str = Field(description="Folder or fsspec URL that holds what the assets store.")
+
+    @classmethod
+    def from_environment(cls, environ: Mapping[str, str] = os.environ) -> "Store":
+        """`TACTILE_HOME` (default: .tactile in the checkout) and `TACTILE_STORE` (default:
+        artifacts/ in the home)."""
+        home = Path(environ.get("TACTILE_HOME") or REPOSITORY / ".tactile").resolve()
+        return cls(home=str(home), artifacts=environ.get("TACTILE_STORE") or f"{home}/artifacts")
+
+    def path(self, *parts: str) -> UPath:
+        """A place among the artifacts."""
+        return UPath(self.artifacts, *parts)
+
+    def work(self, *parts: str) -> Path:
+        """A local folder for downloads, checkpoints and TensorBoard curves."""
+        return Path(self.home, "cache", *parts)
+
+    def previous(self, asset: str) -> pd.DataFrame | None:
+        """The table that `asset` stored in an earlier run, if there is one and it can be read."""
+        try:
+            return read_table(self.path(f"{asset}.parquet"))
+        except TactileError as error:
+            logger.info("%s starts afresh: %s", asset, error)
+            return None
+
+    def picture(self, name: str, picture: bytes) -> dg.MarkdownMetadataValue:
+        """Keep a PNG or GIF as a file among the figures, and show it in the UI.
+
+        The event log holds the picture too, twice: keep it small.
+        """
+        with written_whole(self.path("figures", name)) as file:
+            file.write(picture)
+        data = base64.b64encode(picture).decode()
+        kind = Path(name).suffix.removeprefix(".")
+        return dg.MetadataValue.md(f"![{name}](data:image/{kind};base64,{data})")
+
+
+def markdown(table: pd.DataFrame, digits: int = 2) -> dg.MarkdownMetadataValue:
+    """A small table as the UI shows it."""
+    cells = [
+        [f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell) for cell in row]
+        for row in table.itertuples(index=False)
+    ]
+    rows = [list(table.columns), ["---"] * len(table.columns), *cells]
+    return dg.MetadataValue.md("\n".join(f"| {' | '.join(map(str, row))} |" for row in rows))
+
+
+def counts(table: pd.DataFrame, rows: str, columns: str) -> dg.MarkdownMetadataValue:
+    """How many rows of `table` there are for each pair of values, as a small table."""
+    crossed = pd.crosstab(table[rows], table[columns], margins=True, margins_name="all")
+    return markdown(crossed.reset_index())
+
+
+def stored(table: pd.DataFrame, **metadata: Any) -> dg.MaterializeResult:
+    """A table as the value of its asset; the hash of its content is the data version."""
+    return dg.MaterializeResult(
+        value=table, metadata=metadata, data_version=dg.DataVersion(table_hash(table))
+    )
