@@ -183,6 +183,10 @@ class Reporter(tune.Callback):
         self.progress = progress
         self.numbers: dict[str, int] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Tune pickles its callbacks with the experiment; `progress` may hold a logger."""
+        return {**self.__dict__, "progress": print}
+
     def on_trial_result(
         self, iteration: int, trials: list[Any], trial: Any, result: dict[str, Any], **info: Any
     ) -> None:
