@@ -76,13 +76,7 @@ def draw_frame(
         scene.resize((FINE * SIDE, FINE * SIDE), Image.Resampling.BICUBIC), (0, FINE * HEADER)
     )
     draw = ImageDraw.Draw(image)
-    middle, radius = np.full(2, len(rollout.mask) / 2 - 1), len(rollout.mask) / 2 - 1
-    draw.circle(
-        place(middle, rollout.mask),
-        radius * FINE * SIDE / len(rollout.mask),
-        outline=RING,
-        width=FINE,
-    )
+    draw_circle(draw, rollout.mask)
     draw_truth(draw, rollout.mask)
     if step < len(rollout.rays):
         draw_ray(draw, rollout, step, travel)
@@ -98,6 +92,13 @@ def place(point: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
     """Where the centre of pixel (row, column) lies in the fine image, as (x, y)."""
     scale = FINE * SIDE / len(mask)
     return (point[1] + 0.5) * scale, (point[0] + 0.5) * scale + FINE * HEADER
+
+
+def draw_circle(draw: ImageDraw.ImageDraw, mask: np.ndarray) -> None:
+    """The circle that rays start from, faint."""
+    middle = len(mask) / 2 - 1
+    radius = middle * FINE * SIDE / len(mask)
+    draw.circle(place(np.array([middle, middle]), mask), radius, outline=RING, width=FINE)
 
 
 def draw_truth(draw: ImageDraw.ImageDraw, mask: np.ndarray) -> None:
@@ -120,12 +121,13 @@ def draw_ray(draw: ImageDraw.ImageDraw, rollout: Rollout, step: int, travel: flo
 def draw_dot(
     draw: ImageDraw.ImageDraw, at: tuple[float, float], radius: float, colour: str
 ) -> None:
+    """A dot with a dark rim."""
     draw.circle(at, FINE * (radius + 1), fill=NIGHT)
     draw.circle(at, FINE * radius, fill=colour)
 
 
 def draw_words(draw: ImageDraw.ImageDraw, rollout: Rollout, arrived: int, score: float) -> None:
-    """Policy, ray and Jaccard index above the scene; below it a bar per ray arrived."""
+    """Policy and Jaccard index above the scene; below it a bar per ray that arrived."""
     small, large = (ImageFont.load_default(FINE * size) for size in (14, 22))
     baseline = FINE * 30
     draw.text((FINE * 14, baseline), rollout.policy, fill=LIGHT, font=small, anchor="ls")

@@ -1,12 +1,13 @@
 """Sheets: many masks, touch sets or reconstructions side by side, cropped to where shapes lie."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from tactile_core.dataset.shapes import as_points
 from tactile_core.figures.style import FAINT, INK, MUTED, PINK, SHAPE, YELLOW, glow, picture
 
 # Which reconstructions stand for good, median and bad: quantiles of the Jaccard index.
@@ -19,7 +20,9 @@ def mask_sheet(masks: np.ndarray, categories: np.ndarray, each: int = 36) -> Fig
     categories : (N,) str
     """
     figure = Figure(figsize=(8, 1), layout="constrained")
-    blocks(figure, np.where(masks[..., None], to_rgb(INK), to_rgb(FAINT)), categories, each, 12)
+    for axes, chosen in blocks(figure, categories, each, columns=12):
+        images = np.where(masks[chosen][..., None], to_rgb(INK), to_rgb(FAINT))
+        axes.imshow(tile(images, columns=12)[0], interpolation="nearest")
     return figure
 
 
@@ -32,41 +35,39 @@ def touch_sheet(
 ) -> Figure:
     """Up to `each` shapes of every category with their outlines and one touch set each.
 
-    masks : (N, R, R) bool; outlines, touches : N arrays (k, 2); categories : (N,) str
+    masks : (N, R, R) bool; outlines, touches : N arrays (k, 2) or table cells that hold such;
+    categories : (N,) str
     """
-    images = np.where(masks[..., None], to_rgb(FAINT), to_rgb("white"))
-    for image, outline in zip(images, outlines, strict=True):
-        image[tuple(outline.T)] = to_rgb(MUTED)
     figure = Figure(figsize=(8, 1), layout="constrained")
-    for axes, chosen, corners in blocks(figure, images, categories, each, columns=8):
+    for axes, chosen in blocks(figure, categories, each, columns=8):
+        images = np.where(masks[chosen][..., None], to_rgb(FAINT), to_rgb("white"))
+        for image, index in zip(images, chosen, strict=True):
+            image[tuple(as_points(outlines[index]).T)] = to_rgb(MUTED)
+        tiled, corners = tile(images, columns=8)
+        axes.imshow(tiled, interpolation="nearest")
         for index, corner in zip(chosen, corners, strict=True):
-            rows, columns = (touches[index] + corner).T
+            rows, columns = (as_points(touches[index]) + corner).T
             axes.scatter(columns, rows, s=22, color=YELLOW, edgecolor=INK, linewidth=0.6)
     return figure
 
 
 def blocks(
-    figure: Figure, images: np.ndarray, categories: np.ndarray, each: int, columns: int
-) -> list[tuple[Axes, np.ndarray, np.ndarray]]:
-    """Fill the figure with a titled block of tiles for every category, and set its height.
+    figure: Figure, categories: np.ndarray, each: int, columns: int
+) -> Iterator[tuple[Axes, np.ndarray]]:
+    """Titled axes for every category, with the indices (n,) to show there in rows of `columns`.
 
-    images : (N, R, R, 3). Returns for every block its axes, the indices (n,) of the images it
-    shows, and (n, 2) what to add to an image's (row, column) to find it in the axes.
+    The figure becomes as tall as they need.
     """
-    names = sorted(set(categories))
-    members = [np.flatnonzero(categories == name) for name in names]
-    shown = [some[evenly(len(some), each)] for some in members]
-    heights = [-(-len(some) // columns) for some in shown]
-    figure.set_figheight(sum(heights) * 8 / columns + 0.32 * len(names))
-    grid = figure.subplots(len(names), 1, height_ratios=heights, squeeze=False)[:, 0]
-    drawn = []
-    for axes, name, some, chosen in zip(grid, names, members, shown, strict=True):
-        tiled, corners = tile(images[chosen], columns)
-        picture(axes).imshow(tiled, interpolation="nearest")
-        title = f"{name}  ({len(chosen)} of {len(some)})" if len(chosen) < len(some) else name
-        axes.set_title(title, loc="left", fontsize=9.5, color=INK, pad=4)
-        drawn.append((axes, chosen, corners))
-    return drawn
+    members = {name: np.flatnonzero(categories == name) for name in sorted(set(categories))}
+    shown = {name: some[evenly(len(some), each)] for name, some in members.items()}
+    heights = [-(-len(chosen) // columns) for chosen in shown.values()]
+    figure.set_figheight(sum(heights) * 8 / columns + 0.32 * len(members))
+    grid = figure.subplots(len(members), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for axes, (name, chosen) in zip(grid, shown.items(), strict=True):
+        whole = len(members[name])
+        title = name if len(chosen) == whole else f"{name}  ({len(chosen)} of {whole})"
+        picture(axes).set_title(title, loc="left", fontsize=9.5, color=INK, pad=4)
+        yield axes, chosen
 
 
 def evenly(count: int, most: int) -> np.ndarray:
@@ -75,7 +76,10 @@ def evenly(count: int, most: int) -> np.ndarray:
 
 
 def tile(images: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Images (n, R, R, 3) cropped and laid out in rows, and where each lies, as in `blocks`."""
+    """Images (n, R, R, 3) cropped and laid out in rows as one, and where each of them lies.
+
+    That is (n, 2): what to add to a (row, column) of the image to find it in the whole.
+    """
     inner = crop(images)
     size, gap = inner.shape[1], max(1, inner.shape[1] // 24)
     rows = -(-len(images) // columns)
@@ -116,10 +120,10 @@ def reconstruction_sheet(
             index = order[round(quantile * (len(order) - 1))]
             panels = row[start : start + 3]
             draw_reconstruction(panels, touches[index], predictions[index], masks[index])
-            panels[1].set_title(
-                f"{case}: Jaccard {jaccard[index]:.0f}, {len(touches[index])} touches",
-                fontsize=9.5, color=INK, pad=4,
-            )  # fmt: skip
+            count = len(touches[index])
+            held = "1 touch" if count == 1 else f"{count} touches"
+            title = f"{case}: Jaccard {jaccard[index]:.0f}, {held}"
+            panels[1].set_title(title, fontsize=9.5, color=INK, pad=4)
     for panel, name in zip(rows[-1], 2 * ("touches", "prediction", "truth"), strict=True):
         panel.text(0.5, -0.05, name, transform=panel.transAxes, fontsize=8.5, color=MUTED,
                    ha="center", va="top")  # fmt: skip
