@@ -1,6 +1,7 @@
 """From a mesh file's bytes to a mesh that the camera can take, or the reason why not."""
 
 import io
+import re
 
 import numpy as np
 import trimesh
@@ -8,6 +9,11 @@ import trimesh
 from tactile_core.dataset.archives import one_line
 from tactile_core.dataset.obj import read_obj
 from tactile_core.errors import TactileError
+
+FACES_ANNOUNCED = {
+    ".ply": rb"element\s+face\s+(\d+)",
+    ".off": rb"OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)",
+}
 
 
 def parse_mesh(data: bytes, suffix: str) -> trimesh.Trimesh:
@@ -43,6 +49,11 @@ def _read(data: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
         return read_obj(data)
     try:
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type=suffix[1:], process=False)
-        return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # each of trimesh's readers fails in its own ways
         raise TactileError(f"cannot be read as {suffix[1:].upper()} ({one_line(error)})") from error
+    # trimesh reads a PLY or OFF text that is cut off as far as it goes.
+    announced = re.search(FACES_ANNOUNCED.get(suffix, rb"(?!)"), data[:4096])
+    if announced and len(faces) < int(announced[1]):
+        raise TactileError(f"has fewer faces than the {int(announced[1])} it announces")
+    return vertices, faces

@@ -99,6 +99,11 @@ def test_a_download_that_breaks_goes_on_where_it_stopped(make_store, tmp_path):
     assert store.sent == len(BODY)
 
 
+def test_a_line_that_breaks_often_is_borne_as_long_as_bytes_come(make_store, tmp_path):
+    store = make_store(body=BODY, breaks=[PIECE] * 20)
+    assert get(store.url, tmp_path).read_bytes() == BODY
+
+
 def test_a_later_run_goes_on_where_the_last_one_gave_up(make_store, tmp_path):
     store = make_store(body=BODY, breaks=[20 * PIECE] + [0] * 5)
     assert "03797390.zip cannot be fetched" in refusal(store.url, tmp_path)
@@ -250,6 +255,14 @@ def test_no_token_is_sent_to_other_hosts(make_store, tmp_path):
     store = make_store(body=BODY)
     get(store.url, tmp_path, token="secret")
     assert "Authorization" not in store.requests[0][1]
+
+
+def test_a_token_leaves_a_users_netrc_in_force(make_store, tmp_path, monkeypatch):
+    store = make_store(body=BODY)
+    (tmp_path / "netrc").write_text("machine 127.0.0.1 login user password secret\n")
+    monkeypatch.setenv("NETRC", str(tmp_path / "netrc"))
+    get(store.url, tmp_path, token="secret")
+    assert store.requests[0][1]["Authorization"].startswith("Basic ")
 
 
 def test_a_redirect_to_another_host_takes_no_token_along(make_store, tmp_path, monkeypatch):
