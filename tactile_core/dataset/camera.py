@@ -13,27 +13,21 @@ import math
 
 import numpy as np
 
-
-def view(vertices: np.ndarray, rotation: float) -> np.ndarray:
-    """(V, 3) model coordinates as (V, 3) float32 camera coordinates: right, up, towards the viewer.
-
-    `rotation` turns the geometry about the viewing axis, in degrees, counter-clockwise as seen
-    in the image; 0 leaves it as it is. Float32 because OpenGL takes nothing finer, and both
-    renderers start from the same numbers.
-    """
-    x, y, z = np.asarray(vertices, dtype=np.float64).T
-    right, up, back = y, (z - x) * math.sqrt(0.5), (z + x) * math.sqrt(0.5)
-    cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
-    turned = (cosine * right - sine * up, sine * right + cosine * up, back)
-    return np.stack(turned, axis=1).astype(np.float32)
+STEPS = 256  # positions per pixel that a vertex may take, as in Mesa and current GPUs
 
 
 def project(vertices: np.ndarray, rotation: float, resolution: int) -> np.ndarray:
     """(V, 3) model coordinates as (V, 2) float64 (row, column) image coordinates.
 
-    Window coordinates are rounded to float32, with up positive, as OpenGL's viewport
-    transform does, so that the rasteriser sees the very points that OpenGL sees.
+    `rotation` turns the geometry about the viewing axis, in degrees, counter-clockwise as seen
+    in the image; 0 leaves it as it is. Coordinates are snapped to 1/256 pixel. OpenGL would do
+    so itself, but may judge a sliver's winding before it snaps and its area afterwards; snapped
+    here, once, slivers too are the same for every renderer.
     """
-    right_up = view(vertices, rotation)[:, :2].astype(np.float64)
-    window = (right_up * (resolution / 2) + resolution / 2).astype(np.float32).astype(np.float64)
-    return np.stack([resolution - window[:, 1], window[:, 0]], axis=1)
+    x, y, z = np.asarray(vertices, dtype=np.float64).T
+    right, up = y, (z - x) * math.sqrt(0.5)
+    cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
+    right, up = cosine * right - sine * up, sine * right + cosine * up
+    middle = resolution / 2
+    points = np.stack([middle - middle * up, middle + middle * right], axis=1)
+    return np.rint(points * STEPS) / STEPS

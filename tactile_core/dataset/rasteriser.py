@@ -12,7 +12,7 @@ from typing import Any
 import numba
 import numpy as np
 
-STEPS = 256  # sub-pixel positions per pixel, as in Mesa and in every current GPU
+from tactile_core.dataset.camera import STEPS
 
 
 def compiled(function: Callable) -> Callable[..., Any]:

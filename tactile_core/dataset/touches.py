@@ -12,9 +12,9 @@ from tactile_core.settings import TouchSettings
 
 
 def sample_touches(outlines: pd.DataFrame, settings: TouchSettings) -> pd.DataFrame:
-    """`sets_per_mask` touch sets of each outline: sample_id, model_id, category, split, set, touches.
+    """`sets_per_mask` touch sets of each outline.
 
-    A set has `fewest` to `most` different points, each number equally likely, and never more
+    The columns are sample_id, model_id, category, split, set and touches. A set has `fewest` to `most` different points, each number equally likely, and never more
     than the outline has. It depends on the seed and its sample only.
     """
     if settings.fewest > settings.most:
@@ -27,7 +27,7 @@ def sample_touches(outlines: pd.DataFrame, settings: TouchSettings) -> pd.DataFr
         points = as_points(cell)
         random = generator(settings.seed, sample)
         for number in range(settings.sets_per_mask):
-            count = random.integers(settings.fewest, settings.most, endpoint=True)
+            count = int(random.integers(settings.fewest, settings.most, endpoint=True))
             chosen = random.choice(len(points), min(count, len(points)), replace=False)
             sets.append(number)
             touches.append(points[chosen])

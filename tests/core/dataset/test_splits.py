@@ -1,0 +1,185 @@
+from collections import Counter
+
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from upath import UPath
+
+from tactile_core.dataset.camera import project
+from tactile_core.dataset.meshes import load_mesh
+from tactile_core.dataset.pictures import decode_masks
+from tactile_core.dataset.rasteriser import rasterise
+from tactile_core.dataset.silhouettes import EMPTY, render_masks
+from tactile_core.dataset.splits import rotate_splits, split_models
+from tactile_core.errors import TactileError
+from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.settings import MaskSettings, SplitSettings
+
+MASKS = MaskSettings(resolution=64, renderer="rasteriser")
+DEFAULT = SplitSettings()
+sizes = st.lists(st.integers(1, 40), min_size=1, max_size=4).filter(lambda counts: sum(counts) >= 3)
+shares = st.floats(0.01, 0.49)
+
+
+def models(counts):
+    """Masks, without pictures, of so many models in each category."""
+    return pd.DataFrame(
+        [
+            {"model_id": f"{category}-{number}", "category": f"c{category}", "status": "ok"}
+            for category, count in enumerate(counts)
+            for number in range(count)
+        ]
+    )
+
+
+def split_of(masks, split_settings=DEFAULT):
+    return split_models(masks, split_settings).set_index("model_id")["split"]
+
+
+@given(sizes, shares, shares, st.integers(0))
+def test_every_model_stands_in_one_split_and_every_split_has_models(counts, evals, tests, seed):
+    masks = models(counts)
+    split_settings = SplitSettings(eval_share=evals, test_share=tests, seed=seed)
+    splits = split_models(masks, split_settings)
+    assert sorted(splits["model_id"]) == sorted(masks["model_id"])
+    assert set(splits["split"]) == {"train", "eval", "test"}
+    for category, count in enumerate(counts):
+        of_category = Counter(splits.loc[splits["category"] == f"c{category}", "split"])
+        if count >= 3:
+            assert set(of_category) == {"train", "eval", "test"}
+            if evals + tests < 0.8 and count >= 10:
+                assert abs(of_category["test"] - max(1, tests * count)) <= 0.5 + 1e-9
+                assert abs(of_category["eval"] - max(1, evals * count)) <= 0.5 + 1e-9
+
+
+def test_the_reports_712_models_give_355_test_samples():
+    splits = split_models(models([214, 498]), DEFAULT)
+    counts = Counter(zip(splits["category"], splits["split"], strict=True))
+    assert counts == {
+        ("c0", "train"): 172, ("c0", "eval"): 21, ("c0", "test"): 21,
+        ("c1", "train"): 398, ("c1", "eval"): 50, ("c1", "test"): 50,
+    }  # fmt: skip
+
+
+def test_the_split_depends_on_the_seed_and_the_set_of_models_only():
+    masks = models([20, 30])
+    shuffled = masks.sample(frac=1, random_state=1)
+    assert split_models(masks, DEFAULT).equals(split_models(shuffled, DEFAULT))
+    other = split_of(masks, SplitSettings(seed=1))
+    assert (split_of(masks) != other).sum() > 5
+
+
+def test_one_more_model_moves_few_others():
+    before, after = split_of(models([100, 100])), split_of(models([101, 100]))
+    assert (after[before.index] != before).sum() <= 2
+
+
+def test_models_set_aside_are_in_no_split():
+    masks = models([10]).assign(status=["ok"] * 9 + [EMPTY])
+    assert len(split_of(masks)) == 9
+
+
+def test_too_few_models_or_one_twice_are_refused():
+    with pytest.raises(TactileError, match=r"2 models have a mask.*need one each"):
+        split_models(models([2]), DEFAULT)
+    with pytest.raises(TactileError, match=r"model 0-0 stands in masks twice"):
+        split_models(pd.concat([models([5]), models([1])]), DEFAULT)
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory):
+    """Nine boxes: the root of their files, their manifest and their masks."""
+    root = UPath(tmp_path_factory.mktemp("meshes"))
+    random = np.random.default_rng(0)
+    for number in range(9):
+        box = trimesh.creation.box(extents=random.uniform(0.2, 1, 3))
+        (root / f"{number}.obj").write_text(box.export(file_type="obj"))
+    meshes = pd.DataFrame(
+        {
+            "model_id": [f"m{number}" for number in range(9)],
+            "category": ["mug"] * 5 + ["bottle"] * 4,
+            "file": [f"{number}.obj" for number in range(9)],
+            "content_hash": [f"hash{number}" for number in range(9)],
+            "status": "ok",
+        }
+    )
+    return root, meshes, render_masks(meshes, root, MASKS)
+
+
+def rotated(collected, split_settings=DEFAULT, previous=None, progress=print, workers=None):
+    root, meshes, masks = collected
+    return rotate_splits(masks, meshes, root, MASKS, split_settings, previous, progress, workers)
+
+
+def test_each_sample_shows_its_model_at_its_rotation(collected):
+    root, meshes, masks = collected
+    samples = rotated(collected)
+    assert samples["sample_id"].tolist()[:6] == [*(f"m5-r{k}" for k in range(5)), "m6-r0"]
+    assert samples["rotation"].between(0, 360, inclusive="left").all()
+    assert samples["rotation"].nunique() == 45
+    assert (samples.groupby("model_id")["split"].nunique() == 1).all()
+    split = split_of(masks)
+    files = meshes.set_index("model_id")["file"]
+    for row, mask in zip(samples.itertuples(), decode_masks(samples["mask"]), strict=True):
+        assert row.split == split[row.model_id]
+        mesh = load_mesh(root, files[row.model_id])
+        points = project(mesh.vertices, row.rotation, 64)
+        assert (mask == rasterise(points, mesh.faces, 64)).all()
+
+
+def test_samples_do_not_depend_on_the_number_of_processes_and_survive_storage(collected, tmp_path):
+    alone = rotated(collected, workers=1)
+    assert table_hash(alone) == table_hash(rotated(collected, workers=2))
+    write_table(alone, tmp_path / "samples.parquet")
+    assert table_hash(read_table(tmp_path / "samples.parquet")) == table_hash(alone)
+
+
+def test_a_models_rotations_depend_on_the_seed_and_its_id_only(collected):
+    root, meshes, masks = collected
+    samples = rotated(collected).set_index("sample_id")["rotation"]
+    fewer = rotated((root, meshes, masks.iloc[3:])).set_index("sample_id")["rotation"]
+    assert fewer.equals(samples[fewer.index])
+    other = rotated(collected, SplitSettings(seed=1)).set_index("sample_id")["rotation"]
+    assert not set(other) & set(samples)
+
+
+def test_samples_that_stay_are_not_rendered_again(collected):
+    messages = []
+    three = rotated(collected, SplitSettings(rotations=3))
+    five = rotated(collected, SplitSettings(rotations=5), three, messages.append)
+    assert messages[-1] == "18 masks rendered, 27 unchanged"
+    assert table_hash(five) == table_hash(rotated(collected))
+
+
+def test_a_mesh_that_changed_after_its_mask_is_refused(collected):
+    root, meshes, masks = collected
+    newer = meshes.assign(content_hash=meshes["content_hash"].replace("hash4", "other"))
+    with pytest.raises(TactileError, match=r"model m4 .*changed.*materialise masks again"):
+        rotated((root, newer, masks))
+
+
+def test_a_mesh_file_that_is_gone_is_refused(collected, tmp_path):
+    _, meshes, masks = collected
+    with pytest.raises(TactileError, match=r"5.obj can no longer be rendered"):
+        rotated((UPath(tmp_path), meshes, masks))
+
+
+def test_masks_of_another_resolution_are_refused(collected):
+    root, meshes, masks = collected
+    with pytest.raises(TactileError, match=r"masks have resolution 32 and .* should have 64"):
+        rotated((root, meshes, masks.assign(resolution=32)))
+
+
+def test_a_rotation_that_shows_no_pixel_is_left_out(collected, tmp_path):
+    """A sheet seen from its edge, whose mask an earlier and thicker version left behind."""
+    root, meshes, masks = collected
+    sheet = UPath(tmp_path) / "sheet.obj"
+    sheet.write_text("v 0 -0.5 0\nv 0 0.5 0\nv 0.1 0 0.1\nf 1 2 3\n")
+    meshes = meshes.assign(file=[str(root / file) for file in meshes["file"][:-1]] + [str(sheet)])
+    messages = []
+    samples = rotated((UPath("/"), meshes, masks), progress=messages.append)
+    assert len(samples) == 40
+    assert "5 samples left out: no pixel lies inside" in messages[-1]
