@@ -6,6 +6,7 @@ read in the UI.
 
 import logging
 import os
+from collections.abc import Set
 from typing import Any
 
 import dagster as dg
@@ -15,22 +16,32 @@ WIDTH = 26  # of the longest step name
 
 
 class OneLine(logging.Formatter):
-    """`12:03:04  masks  120/712 rendered`; events other than these lines format as nothing."""
+    """`12:03:04  masks  120/712 rendered`; a record that is not worth a line formats as "".
+
+    Of steps other than those of `assets`, which are checks, only the results are worth one.
+    """
+
+    def __init__(self, assets: Set[str]) -> None:
+        super().__init__()
+        self.assets = assets
 
     def format(self, record: logging.LogRecord) -> str:
         about: dict[str, Any] = getattr(record, "dagster_meta", {})
         event: dg.DagsterEvent | None = about.get("dagster_event")
-        text = about.get("orig_message", record.getMessage())
+        step = short_name(about.get("step_key") or "")
         if event is not None:
             text = event_text(event)
+            if event.event_type == dg.DagsterEventType.ASSET_CHECK_EVALUATION:
+                step = event.asset_check_evaluation_data.asset_key.to_user_string()
+            elif event.is_step_start or event.is_step_success:
+                text = text if step.partition("[")[0].partition(".")[0] in self.assets else ""
         elif record.levelno < logging.INFO:
             text = ""
-        elif record.levelno > logging.INFO:
-            text = f"{record.levelname.lower()}: {text}"
-        if not text:
-            return ""
-        step = short_name(about.get("step_key") or "")
-        return f"{self.formatTime(record, '%H:%M:%S')}  {step:{WIDTH}}  {text}"
+        else:
+            text = about.get("orig_message", record.getMessage())
+            if record.levelno > logging.INFO:
+                text = f"{record.levelname.lower()}: {text}"
+        return f"{self.formatTime(record, '%H:%M:%S')}  {step:{WIDTH}}  {text}" if text else ""
 
 
 def event_text(event: dg.DagsterEvent) -> str:
@@ -70,12 +81,15 @@ def short_name(step: str) -> str:
     return asset + op[op.find("[") :] if "[" in op else step
 
 
-@dg.logger(description="One line for each message of a step; failures without their stacks.")
+@dg.logger
 def console(context: dg.InitLoggerContext) -> logging.Logger:
+    """One line for each message of a step; failures without their stacks."""
     # While a step runs, Dagster sends file descriptor 2 through a file of its own, and its last
     # lines may never be seen. This copy of the descriptor leads where the run was started.
     handler = logging.StreamHandler(os.fdopen(os.dup(2), "w", buffering=1))
-    handler.setFormatter(OneLine())
+    job = context.job_def
+    keys = job.asset_layer.executable_asset_keys if job else set()
+    handler.setFormatter(OneLine({key.to_user_string() for key in keys}))
     handler.addFilter(lambda record: bool(handler.format(record)))
     logger = logging.Logger("tactile", level=logging.DEBUG)
     logger.addHandler(handler)

@@ -1,17 +1,26 @@
 """The whole platform on one page.
 
-    shapenet_meshes → masks → rotated_splits → outlines → tactile_samples
-                                   │               │             │
-                                   │               │       unet_search → unet → reconstruction_evaluation
-                                   └───────────────┴──────────────────────┤
-                                                                       policies
-                                                                          │
-                                                  per_step_evaluation, per_grasp_evaluation
+shapenet_meshes → masks → rotated_splits → outlines → tactile_samples
+                               │               │            │
+                               │               │      unet_search → unet → reconstruction_evaluation
+                               └───────────────┴─────────────────────┤
+                                                                 policies
+                                                                     │
+                                             per_step_evaluation, per_grasp_evaluation
 """
 
 import dagster as dg
 
-from tactile_assets import console, dataset, evaluation, exploration, io_managers, reconstruction
+from tactile_assets import (
+    automation,
+    checks,
+    console,
+    dataset,
+    evaluation,
+    exploration,
+    io_managers,
+    reconstruction,
+)
 from tactile_assets.config import PROFILE
 from tactile_assets.resources import Store
 
@@ -27,9 +36,23 @@ EXECUTOR = (
 console.install()
 
 defs = dg.Definitions(
-    assets=dg.load_assets_from_modules(
-        [dataset, reconstruction, exploration, evaluation]
-    ),
+    assets=[
+        dataset.shapenet_meshes,
+        dataset.masks,
+        dataset.rotated_splits,
+        dataset.outlines,
+        dataset.tactile_samples,
+        reconstruction.unet_search,
+        reconstruction.unet,
+        reconstruction.reconstruction_evaluation,
+        exploration.policies,
+        evaluation.per_step_evaluation,
+        evaluation.per_grasp_evaluation,
+    ],
+    asset_checks=dg.load_asset_checks_from_modules([checks]),
+    jobs=[automation.whole_chain],
+    schedules=[automation.weekly],
+    sensors=[automation.source_changes, automation.refresh_evaluations],
     resources={
         "store": Store.from_environment(),
         "tables": io_managers.tables,

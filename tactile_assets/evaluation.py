@@ -25,16 +25,13 @@ class PerGraspConfig(StageConfig, EvaluationSettings):
     """Rays of each policy on every test sample until ten touches are held."""
 
 
-REFRESH = dg.AutomationCondition.eager()
-
-
 @dg.asset(
     group_name="evaluation",
     kinds={"pytorch", "matplotlib", "parquet"},
     owners=OWNERS,
     code_version=code_version(1, PROFILE.per_step),
     io_manager_key="tables",
-    automation_condition=REFRESH,
+    automation_condition=dg.AutomationCondition.eager(),
 )
 def per_step_evaluation(
     context: dg.AssetExecutionContext,
@@ -79,7 +76,7 @@ def per_step_evaluation(
     owners=OWNERS,
     code_version=code_version(1, PROFILE.per_grasp),
     io_manager_key="tables",
-    automation_condition=REFRESH,
+    automation_condition=dg.AutomationCondition.eager(),
 )
 def per_grasp_evaluation(
     context: dg.AssetExecutionContext,
@@ -111,22 +108,35 @@ def curve(
     table: pd.DataFrame, index: str, settings: EvaluationSettings, store: Store
 ) -> dict[str, Any]:
     """Figure 4 ("step") or 5 ("grasp") and its values, as metadata."""
-    from tactile_core.evaluation.statistics import mean_curve
+    from tactile_core.evaluation import statistics, tables
     from tactile_core.figures.curves import policy_curves
     from tactile_core.figures.style import png
 
-    means = mean_curve(table, index, settings.resamples, settings.seed)
-    figure = {"step": "figure_4.png", "grasp": "figure_5.png"}[index]
-    wide = means.pivot(index="policy", columns=index, values="mean")
+    drawn = settings.resamples, settings.seed
+    means = statistics.mean_curve(table, index, *drawn)
+    if index == "step":
+        figure, rows = (
+            "figure_4.png",
+            tables.step_rows(means, statistics.summarise_steps(table, *drawn)),
+        )
+    else:
+        figure, rows = (
+            "figure_5.png",
+            tables.grasp_rows(means, statistics.summarise_grasps(table, *drawn)),
+        )
     return {
         "samples": table["sample_id"].nunique(),
+        "jaccard": markdown(rows),
         "curves": store.picture(figure, png(policy_curves(means, index))),
-        "jaccard": markdown(wide.loc[means["policy"].unique()].reset_index(), digits=1),
     }
 
 
 def example_runs(
-    table: pd.DataFrame, trained: list[Any], test: Any, reconstructor: Any, settings: EvaluationSettings
+    table: pd.DataFrame,
+    trained: list[Any],
+    test: Any,
+    reconstructor: Any,
+    settings: EvaluationSettings,
 ) -> "list[Rollout]":
     """For each category two rollouts on one shape: by `random`, and by the best trained policy.
 

@@ -1,4 +1,4 @@
-"""How asset values become files among the artifacts, in formats a user can open without this code."""
+"""How asset values become files, in formats that a user can open without this code."""
 
 import json
 from typing import TYPE_CHECKING, Any

@@ -117,6 +117,7 @@ def unet(
     owners=OWNERS,
     code_version=code_version(1),
     io_manager_key="tables",
+    automation_condition=dg.AutomationCondition.eager(),
 )
 def reconstruction_evaluation(
     context: dg.AssetExecutionContext,
@@ -132,16 +133,16 @@ def reconstruction_evaluation(
     the stored touch sets, as in Table II.
     """
     from tactile_core.dataset.shapes import SPLITS, load_shapes
+    from tactile_core.evaluation.tables import reconstruction_rows
     from tactile_core.figures.curves import touches_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.scores import evaluate_reconstruction
 
     shapes = {split: load_shapes(rotated_splits, outlines, split) for split in SPLITS}
     table = evaluate_reconstruction(unet, shapes, tactile_samples, progress=context.log.info)
-    table_ii = table.loc[table["touches"].isna(), ["split", "loss", "jaccard", "samples"]]
     return stored(
         table,
-        table_ii=markdown(table_ii, digits=4),
+        table_ii=markdown(reconstruction_rows(table)),
         by_touches=store.picture("reconstruction.png", png(touches_curve(table))),
         examples=store.picture(
             "reconstructions.png", examples(unet, rotated_splits, outlines, tactile_samples)

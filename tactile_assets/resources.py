@@ -13,6 +13,7 @@ from pydantic import Field
 from upath import UPath
 
 from tactile_core.errors import TactileError
+from tactile_core.evaluation.tables import markdown_table
 from tactile_core.files import read_table, table_hash, written_whole
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -64,12 +65,8 @@ class Store(dg.ConfigurableResource):
 
 def markdown(table: pd.DataFrame, digits: int = 2) -> dg.MarkdownMetadataValue:
     """A small table as the UI shows it."""
-    cells = [
-        [f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell) for cell in row]
-        for row in table.itertuples(index=False)
-    ]
-    rows = [list(table.columns), ["---"] * len(table.columns), *cells]
-    return dg.MetadataValue.md("\n".join(f"| {' | '.join(map(str, row))} |" for row in rows))
+    words = table.map(lambda cell: f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell))
+    return dg.MetadataValue.md(markdown_table(words))
 
 
 def counts(table: pd.DataFrame, rows: str, columns: str) -> dg.MarkdownMetadataValue:

@@ -1,0 +1,63 @@
+"""What runs by itself: weekly, when the source of the meshes changes, and after a training.
+
+The schedule and the source sensor are off until they are switched on in the UI, under
+Automation. Evaluations follow new policies and a new U-Net wherever the daemon runs.
+"""
+
+import os
+
+import dagster as dg
+
+from tactile_assets.config import PROFILE
+from tactile_core.errors import TactileError
+
+EVERY_MONDAY_AT_THREE = "0 3 * * 1"
+TEN_MINUTES = 600
+
+whole_chain = dg.define_asset_job(
+    "whole_chain",
+    selection=dg.AssetSelection.all(),
+    description="Every asset, from the meshes to the evaluations, with all checks.",
+)
+
+weekly = dg.ScheduleDefinition(
+    name="weekly",
+    job=whole_chain,
+    cron_schedule=os.environ.get("TACTILE_CRON") or EVERY_MONDAY_AT_THREE,
+    default_status=dg.DefaultScheduleStatus.STOPPED,
+    description="Reruns the whole chain; TACTILE_CRON says when, in five cron fields.",
+)
+
+
+@dg.sensor(
+    job=whole_chain,
+    minimum_interval_seconds=TEN_MINUTES,
+    default_status=dg.DefaultSensorStatus.STOPPED,
+)
+def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.SkipReason:
+    """Reruns the whole chain when the archives or folders of the meshes have changed.
+
+    The first look only remembers what there is. Nothing is downloaded.
+    """
+    from tactile_core.dataset.places import source_fingerprint
+
+    if PROFILE.meshes.location is None:
+        return dg.SkipReason("meshes are generated: TACTILE_SHAPENET names no source to watch")
+    try:
+        fingerprint = source_fingerprint(PROFILE.meshes)
+    except TactileError as error:
+        return dg.SkipReason(str(error))
+    if fingerprint == context.cursor:
+        return dg.SkipReason("the source has not changed")
+    requests = [dg.RunRequest()] if context.cursor else []
+    return dg.SensorResult(run_requests=requests, cursor=fingerprint)
+
+
+refresh_evaluations = dg.AutomationConditionSensorDefinition(
+    "refresh_evaluations",
+    target=dg.AssetSelection.assets(
+        "reconstruction_evaluation", "per_step_evaluation", "per_grasp_evaluation"
+    ),
+    default_status=dg.DefaultSensorStatus.RUNNING,
+    description="Evaluates anew when the policies or the U-Net have changed.",
+)

@@ -1,0 +1,187 @@
+"""Checks where a wrong result would otherwise look fine. Each reads what the assets stored."""
+
+import dagster as dg
+import numpy as np
+import pandas as pd
+
+from tactile_assets.config import PROFILE
+from tactile_assets.resources import counts, markdown
+
+# Trained for a few seconds, nothing has to be good yet.
+UNLESS_SMOKE = (
+    dg.AssetCheckSeverity.WARN if PROFILE.name == "smoke" else dg.AssetCheckSeverity.ERROR
+)
+OVERFIT_JACCARD = 90.0
+
+
+@dg.asset_check(asset="shapenet_meshes")
+def meshes_are_usable(shapenet_meshes: pd.DataFrame) -> dg.AssetCheckResult:
+    """Counts the meshes that were set aside because they could not be used."""
+    aside = shapenet_meshes.loc[
+        shapenet_meshes["status"] != "ok", ["model_id", "category", "status"]
+    ]
+    return dg.AssetCheckResult(
+        passed=aside.empty,
+        severity=dg.AssetCheckSeverity.WARN,
+        description=f"{len(aside)} of {len(shapenet_meshes)} meshes set aside",
+        metadata={"set_aside": len(aside), "reasons": markdown(aside.head(20))},
+    )
+
+
+@dg.asset_check(asset="masks")
+def masks_lie_inside_the_circle(masks: pd.DataFrame) -> dg.AssetCheckResult:
+    """No mask is empty, and none reaches the circle that rays start from."""
+    usable = masks[masks["status"] == "ok"]
+    return inside_the_circle(usable.assign(name=usable["model_id"]))
+
+
+@dg.asset_check(asset="rotated_splits")
+def samples_lie_inside_the_circle(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
+    """No rotated mask is empty, and none reaches the circle that rays start from."""
+    return inside_the_circle(rotated_splits.assign(name=rotated_splits["sample_id"]))
+
+
+def inside_the_circle(table: pd.DataFrame) -> dg.AssetCheckResult:
+    from tactile_core.dataset.pictures import decode_masks
+
+    pictures = decode_masks(table["mask"])
+    size = pictures.shape[-1]
+    middle = size / 2 - 1
+    rows, columns = np.indices((size, size))
+    outside = np.hypot(rows - middle, columns - middle) >= middle
+    empty = ~pictures.any(axis=(1, 2))
+    beyond = (pictures & outside).any(axis=(1, 2))
+    return dg.AssetCheckResult(
+        passed=not (empty.any() or beyond.any()),
+        description=f"{empty.sum()} of {len(table)} are empty, {beyond.sum()} reach the circle",
+        metadata={"first": ", ".join(table["name"][empty | beyond].head(5)) or "none"},
+    )
+
+
+@dg.asset_check(asset="rotated_splits", blocking=True)
+def no_model_in_two_splits(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
+    """No model, and no mesh under another name, stands in two splits: tests would be worthless."""
+    shared = {
+        column: splits[splits > 1]
+        for column in ("model_id", "content_hash")
+        for splits in [rotated_splits.groupby(column)["split"].nunique()]
+    }
+    leaked = rotated_splits["model_id"].isin(shared["model_id"].index) | rotated_splits[
+        "content_hash"
+    ].isin(shared["content_hash"].index)
+    models = rotated_splits.loc[leaked, "model_id"].unique()
+    return dg.AssetCheckResult(
+        passed=len(models) == 0,
+        description=f"{len(models)} models stand in two splits or more",
+        metadata={"first": ", ".join(models[:5]) or "none"},
+    )
+
+
+@dg.asset_check(asset="rotated_splits")
+def classes_are_balanced(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
+    """Each class has the same share of every split, to within one model or 5 %."""
+    models = rotated_splits.drop_duplicates("model_id")
+    by_split = pd.crosstab(models["split"], models["category"])
+    sizes = by_split.sum(axis=1)
+    overall = models["category"].value_counts(normalize=True)
+    off = by_split.div(sizes, axis=0).sub(overall, axis=1).abs()
+    allowed = np.maximum(0.05, 1 / sizes)
+    return dg.AssetCheckResult(
+        passed=len(by_split) == 3 and not off.gt(allowed, axis=0).any(axis=None),
+        description=f"shares differ by {100 * off.max(axis=None):.1f} % at most",
+        metadata={"models": counts(models, "split", "category")},
+    )
+
+
+@dg.asset_check(asset="tactile_samples", additional_ins={"outlines": dg.AssetIn("outlines")})
+def touches_lie_on_outlines(
+    tactile_samples: pd.DataFrame, outlines: pd.DataFrame
+) -> dg.AssetCheckResult:
+    """Every touch is a pixel of its sample's outline, and no set holds one twice."""
+    by_sample = {
+        sample: set(map(tuple, outline))
+        for sample, outline in zip(outlines["sample_id"], outlines["outline"], strict=True)
+    }
+    wrong = [
+        sample
+        for sample, touches in zip(
+            tactile_samples["sample_id"], tactile_samples["touches"], strict=True
+        )
+        if not (held := set(map(tuple, touches))) <= by_sample.get(sample, set())
+        or len(held) < len(touches)
+    ]
+    return dg.AssetCheckResult(
+        passed=not wrong,
+        description=f"{len(wrong)} of {len(tactile_samples)} sets have touches off their outline",
+        metadata={"first": ", ".join(wrong[:5]) or "none"},
+    )
+
+
+@dg.asset_check(
+    asset="unet_search",
+    additional_ins={
+        "rotated_splits": dg.AssetIn("rotated_splits"),
+        "outlines": dg.AssetIn("outlines"),
+    },
+)
+def a_unet_can_overfit(
+    unet_search: pd.DataFrame, rotated_splits: pd.DataFrame, outlines: pd.DataFrame
+) -> dg.AssetCheckResult:
+    """A small U-Net learns a handful of shapes by heart at 60 touches (report, section V)."""
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.reconstruction.scores import overfit_jaccard
+
+    jaccard = overfit_jaccard(load_shapes(rotated_splits, outlines, "train"))
+    return dg.AssetCheckResult(
+        passed=jaccard >= OVERFIT_JACCARD,
+        description=f"Jaccard index {jaccard:.1f}; {OVERFIT_JACCARD:.0f} is expected",
+        metadata={"jaccard": jaccard},
+    )
+
+
+@dg.asset_check(
+    asset="reconstruction_evaluation",
+    additional_ins={
+        "rotated_splits": dg.AssetIn("rotated_splits"),
+        "outlines": dg.AssetIn("outlines"),
+    },
+)
+def the_unet_beats_the_mean_shape(
+    reconstruction_evaluation: pd.DataFrame, rotated_splits: pd.DataFrame, outlines: pd.DataFrame
+) -> dg.AssetCheckResult:
+    """On the test split the U-Net is better than always predicting the mean training shape."""
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.reconstruction.scores import mean_shape_jaccard
+
+    table = reconstruction_evaluation
+    row = table[(table["split"] == "test") & table["touches"].isna()]
+    jaccard = float(row["jaccard"].iloc[0])
+    mean_shape = mean_shape_jaccard(
+        load_shapes(rotated_splits, outlines, "train"),
+        load_shapes(rotated_splits, outlines, "test"),
+    )
+    return dg.AssetCheckResult(
+        passed=jaccard > mean_shape,
+        severity=UNLESS_SMOKE,
+        description=f"Jaccard index {jaccard:.1f}; the mean shape has {mean_shape:.1f}",
+        metadata={"jaccard": jaccard, "mean_shape": mean_shape},
+    )
+
+
+@dg.asset_check(asset="per_step_evaluation")
+def trained_policies_beat_random(per_step_evaluation: pd.DataFrame) -> dg.AssetCheckResult:
+    """After the last ray every trained policy has a higher mean Jaccard index than `random`."""
+    from tactile_core.exploration.references import REFERENCES
+
+    table = per_step_evaluation
+    last = table[table["step"] == table["step"].max()]
+    means = last.groupby(["policy", "seed"], as_index=False)["jaccard"].mean()
+    bar = float(means.loc[means["policy"] == "random", "jaccard"].iloc[0])
+    trained = means[~means["policy"].isin(REFERENCES)]
+    worse = trained[trained["jaccard"] <= bar]
+    return dg.AssetCheckResult(
+        passed=worse.empty,
+        severity=UNLESS_SMOKE,
+        description=f"{len(worse)} of {len(trained)} policies do not beat random ({bar:.1f})",
+        metadata={"after_the_last_ray": markdown(means)},
+    )
