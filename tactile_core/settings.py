@@ -118,7 +118,7 @@ class PolicySettings(Settings):
     """PPO training of the policies (report, section VI.B)."""
 
     approaches: list[str] = Field(
-        ["diff", "total", "total_miss", "pre_diff_miss"],
+        ["diff", "total", "total_miss", "pre_diff_miss", "gain"],
         min_length=1,
         description="Training approaches, by name.",
     )
@@ -135,6 +135,11 @@ class PolicySettings(Settings):
         0.01, gt=0, description="Factor on rewards (Jaccard 0–100) before PPO sees them."
     )
     entropy: float = Field(0.01, ge=0, description="PPO entropy coefficient.")
+    gain_iterations: int = Field(400, ge=1, description="Iterations of learning gains.")
+    gain_states: int = Field(64, ge=1, description="Explorations stepped per iteration.")
+    gain_tries: int = Field(8, ge=1, description="Touches tried out in each exploration.")
+    gain_updates: int = Field(2, ge=1, description="Gradient steps per iteration.")
+    gain_learning_rate: float = Field(2e-3, gt=0, description="Peak rate of learning gains.")
 
 
 class EvaluationSettings(Settings):
@@ -183,7 +188,9 @@ PROFILES = {
             learning_rate=[1e-3, 3e-3],
         ),
         unet=UNetSettings(epochs=12),
-        policies=PolicySettings(steps_per_stage=512, environments=16),
+        policies=PolicySettings(
+            steps_per_stage=512, environments=16, gain_iterations=20, gain_tries=4
+        ),
         per_step=EvaluationSettings(resamples=200),
         per_grasp=EvaluationSettings(resamples=200, deterministic=False, ray_limit=60),
     ),
@@ -206,7 +213,7 @@ PROFILES = {
 
 
 def active_profile(environ: Mapping[str, str] = os.environ) -> Profile:
-    """The profile that `TACTILE_PROFILE` names (default laptop), with `TACTILE_SHAPENET` applied."""
+    """The profile that `TACTILE_PROFILE` names (default laptop); `TACTILE_SHAPENET` applied."""
     name = environ.get("TACTILE_PROFILE") or "laptop"
     if name not in PROFILES:
         raise TactileError(

@@ -1,7 +1,7 @@
 """Training approaches: the report's four (section VI.B), and where to add your own.
 
-An approach is one entry of `APPROACHES`. Each stage trains for `steps_per_stage` rays and
-goes on from the policy of the stage before.
+An approach is one entry of `APPROACHES`. PPO trains each stage for `steps_per_stage` rays,
+going on from the policy of the stage before.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,12 @@ class Stage:
 
 @dataclass(frozen=True)
 class Approach:
-    """A named training recipe."""
+    """A named training recipe: PPO through `stages`, or learning the gains of rays."""
 
     name: str
     about: str
-    stages: tuple[Stage, ...]
+    stages: tuple[Stage, ...] = ()
+    learner: Literal["ppo", "gains"] = "ppo"
 
 
 DIFF = Stage(penalised(diff))
@@ -59,6 +60,12 @@ APPROACHES: dict[str, Approach] = {
             "Rewards what a ray adds to the Jaccard index without penalty, until ten touches "
             "are held.",
             (Stage(diff, ends="touches"),),
+        ),
+        Approach(
+            "gain",
+            "Beyond the report: gives every candidate ray a value, learnt from what its touch "
+            "adds to the Jaccard index on train shapes.",
+            learner="gains",
         ),
     )
 }

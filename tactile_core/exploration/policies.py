@@ -5,14 +5,20 @@ import json
 from typing import Any, Protocol
 
 import numpy as np
+import safetensors.torch
 import torch
 from stable_baselines3 import PPO
 from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.circle import report_order
+from tactile_core.exploration.rays import candidate_rays
+from tactile_core.exploration.scorer import RayScorer, ray_values, scorer_images
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.inference import best_device
+
+PPO_FILE = "policy.zip"
+SCORER_FILE = "policy.safetensors"
 
 
 class Policy(Protocol):
@@ -57,12 +63,28 @@ class PPOPolicy:
         return report_order(explorations.resolution)[actions]
 
 
+class ScorerPolicy:
+    """A ray scorer: casts the candidate ray of highest value, whether deterministic or not."""
+
+    def __init__(self, name: str, seed: int, net: RayScorer) -> None:
+        self.name = name
+        self.seed = seed
+        self.net = net
+
+    def choose(
+        self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
+    ) -> np.ndarray:
+        candidates = candidate_rays(explorations.resolution).reshape(-1, 2)
+        values = ray_values(self.net, scorer_images(explorations), explorations.rays)
+        return candidates[values.argmax(axis=1)]
+
+
 def load_policy(directory: UPath, resolution: int) -> Policy:
     """The policy stored in `directory`; raises `TactileError` where it is missing, damaged or
     made for another resolution."""
     try:
         about = json.loads((directory / "settings.json").read_bytes())
-        zipped = (directory / "policy.zip").read_bytes()
+        stored = (directory / (SCORER_FILE if is_scorer(about) else PPO_FILE)).read_bytes()
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
     except ValueError as error:
@@ -72,6 +94,15 @@ def load_policy(directory: UPath, resolution: int) -> Policy:
             f"{directory} was trained at resolution {about['resolution']}, the U-Net is at "
             f"{resolution}: materialise policies again"
         )
-    model = PPO.load(io.BytesIO(zipped), device=best_device())
+    if is_scorer(about):
+        net = RayScorer().to(best_device()).eval()
+        net.load_state_dict(safetensors.torch.load(stored))
+        return ScorerPolicy(about["approach"], about["seed"], net)
+    model = PPO.load(io.BytesIO(stored), device=best_device())
     model.policy.set_training_mode(False)
     return PPOPolicy(about["approach"], about["seed"], model)
+
+
+def is_scorer(about: dict[str, Any]) -> bool:
+    """Whether the stored policy is a ray scorer; else it is a PPO."""
+    return bool(about["learner"] == "gains")

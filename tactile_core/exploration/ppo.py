@@ -11,10 +11,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, configure
 
+from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.approaches import Approach
 from tactile_core.exploration.vec_env import BatchedTactileEnv
-from tactile_core.files import written_whole
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import PolicySettings
 
@@ -41,7 +41,7 @@ def train_ppo(
     again with the same `key` goes on from there, to the same policy.
     """
     checkpoint = work / "checkpoint.pt"
-    saved = read_checkpoint(checkpoint, key)
+    saved = load_checkpoint(checkpoint, key)
     curve: list[dict[str, float]] = saved["curve"] if saved else []
     first = saved["stage"] if saved else 0
     if saved:
@@ -148,17 +148,17 @@ class Recorder(BaseCallback):
         # Here the update from the last rollout is done: the one consistent moment.
         if self.num_timesteps - self.kept >= RAYS_PER_CHECKPOINT:
             self.kept = self.num_timesteps
-            write_checkpoint(self.checkpoint, self.key, self.stage, self.model, self.curve)  # type: ignore[arg-type]
+            model: Any = self.model
+            save_checkpoint(
+                self.checkpoint, self.key, training_state(self.stage, model, self.curve)
+            )
 
 
-def write_checkpoint(
-    path: Path, key: str, stage: int, model: PPO, curve: list[dict[str, float]]
-) -> None:
-    """Everything that the rest of the training depends on, written whole."""
+def training_state(stage: int, model: PPO, curve: list[dict[str, float]]) -> dict[str, Any]:
+    """Everything that the rest of the training depends on."""
     env = model.env
     assert isinstance(env, BatchedTactileEnv)
-    state = {
-        "key": key,
+    return {
         "stage": stage,
         "steps": model.num_timesteps,
         "curve": curve,
@@ -170,17 +170,6 @@ def write_checkpoint(
         "torch": torch.get_rng_state(),
         "numpy": np.random.get_state(),
     }
-    with written_whole(path) as file:
-        torch.save(state, file)
-
-
-def read_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
-    """The checkpoint at `path`, if it can be read and belongs to `key`."""
-    try:
-        saved: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=False)
-    except (OSError, RuntimeError, EOFError):
-        return None
-    return saved if saved["key"] == key else None
 
 
 def restore(model: PPO, env: BatchedTactileEnv, saved: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Training one policy and storing it: the SB3 zip, its curve and its settings."""
+"""Training one policy and storing it: its weights, its curve and its settings."""
 
 import io
 import json
@@ -6,11 +6,14 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import safetensors.torch
 import torch
 from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.approaches import find_approach
+from tactile_core.exploration.gains import train_scorer
+from tactile_core.exploration.policies import PPO_FILE, SCORER_FILE
 from tactile_core.exploration.ppo import train_ppo
 from tactile_core.files import content_hash, write_table, written_whole
 from tactile_core.reconstruction.inference import Reconstructor, best_device
@@ -31,9 +34,9 @@ def train_policy(
 ) -> str:
     """Train `approach` with `seed` on the train shapes and store it in `directory`.
 
-    Returns a hash of the policy's weights. `directory` receives policy.zip (an SB3 PPO),
-    curve.parquet and, last, settings.json; `work` holds the checkpoint of a training under
-    way. Raises `TactileError` for an unknown approach.
+    Returns a hash of the policy's weights. `directory` receives policy.zip (an SB3 PPO) or
+    policy.safetensors (a ray scorer), curve.parquet and, last, settings.json; `work` holds
+    the checkpoint of a training under way. Raises `TactileError` for an unknown approach.
     """
     recipe = find_approach(approach)
     if best_device().type == "cpu":
@@ -42,19 +45,29 @@ def train_policy(
         torch.set_num_threads(1)
     own = settings.model_dump(exclude={"approaches", "seeds"})
     key = content_hash(approach, seed, own, unet.version(), train.masks.tobytes())
-    model, curve = train_ppo(
-        recipe, seed, train, Reconstructor(unet), settings, key=key, work=work, progress=progress
-    )
-    weights = {name: value.cpu() for name, value in model.policy.state_dict().items()}
-    version = content_hash(*(value.numpy().tobytes() for value in weights.values()))
-    zipped = io.BytesIO()
-    model.save(zipped)
+    reconstructor = Reconstructor(unet)
+    if recipe.learner == "gains":
+        net, curve = train_scorer(
+            f"{approach} seed {seed}", seed, train, reconstructor, settings,
+            key=key, work=work, progress=progress,
+        )  # fmt: skip
+        weights = net.state_dict()
+        stored, name = safetensors.torch.save(weights), SCORER_FILE
+    else:
+        model, curve = train_ppo(
+            recipe, seed, train, reconstructor, settings, key=key, work=work, progress=progress
+        )
+        weights = model.policy.state_dict()
+        zipped = io.BytesIO()
+        model.save(zipped)
+        stored, name = zipped.getvalue(), PPO_FILE
+    version = content_hash(*(value.cpu().numpy().tobytes() for value in weights.values()))
     about = {
-        "approach": approach, "seed": seed, "settings": own,
+        "approach": approach, "learner": recipe.learner, "seed": seed, "settings": own,
         "unet": unet.version(), "resolution": unet.resolution, "version": version,
     }  # fmt: skip
-    with written_whole(directory / "policy.zip") as file:
-        file.write(zipped.getvalue())
+    with written_whole(directory / name) as file:
+        file.write(stored)
     write_table(curve, directory / "curve.parquet")
     with written_whole(directory / "settings.json") as file:
         file.write(json.dumps(about, indent=2).encode())

@@ -22,7 +22,11 @@ from tactile_core.reconstruction.trial import run_trial
 from tactile_core.settings import SearchSettings, UNetSettings
 
 # Without these Ray writes a token and its own loggers' files into the user's home.
-QUIET_RAY = {"RAY_AUTH_MODE": "disabled", "TUNE_DISABLE_AUTO_CALLBACK_LOGGERS": "1"}
+QUIET_RAY = {
+    "RAY_AUTH_MODE": "disabled",
+    "TUNE_DISABLE_AUTO_CALLBACK_LOGGERS": "1",
+    "RAY_AIR_NEW_OUTPUT": "0",  # the old output heeds verbose=0, the new one prints a banner
+}
 
 
 def search_unet(

@@ -1,6 +1,5 @@
 """Training the reconstruction U-Net (report, section V)."""
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +11,10 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, written_whole
+from tactile_core.files import content_hash
 from tactile_core.reconstruction.batches import (
     DrawTouches,
     outline_touches,
@@ -26,8 +26,6 @@ from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import UNet, place
 from tactile_core.settings import UNetSettings
-
-logger = logging.getLogger(__name__)
 
 EVALUATION_BATCH = 128
 
@@ -169,8 +167,12 @@ def train_unet(
     touch_sets = fixed_touch_sets(evaluation, settings.seed)
     key = content_hash(settings.model_dump(), train.masks.tobytes(), evaluation.masks.tobytes())
     checkpoint = work / "checkpoint.pt"
-    curve, best = resume(checkpoint, key, training)
-    if curve:
+    curve: list[dict[str, float]] = []
+    best: dict[str, Any] = {}
+    saved = load_checkpoint(checkpoint, key)
+    if saved:
+        training.load_state(saved["training"])
+        curve, best = saved["curve"], saved["best"]
         progress(f"U-Net: resuming after epoch {len(curve)}")
     for epoch in range(len(curve) + 1, settings.epochs + 1):
         if stopped_early(curve, settings.patience):
@@ -191,12 +193,13 @@ def train_unet(
             best = {name: value.cpu().clone() for name, value in training.net.state_dict().items()}
         curve.append(row)
         log_curve(work, row)
-        save_checkpoint(checkpoint, key, training, curve, best)
+        state = {"training": training.state(), "curve": curve, "best": best}
+        save_checkpoint(checkpoint, key, state)
         progress(
             f"U-Net: epoch {epoch}/{settings.epochs}, loss {loss:.4f}, "
             f"eval loss {eval_loss:.4f}, eval Jaccard {row['eval_jaccard']:.1f}"
         )
-    checkpoint.unlink()
+    checkpoint.unlink(missing_ok=True)
     kept = min(curve, key=lambda row: row["eval_loss"])
     return TrainedUNet(
         weights={name: value.contiguous() for name, value in best.items()},
@@ -231,31 +234,6 @@ def stopped_early(curve: list[dict[str, float]], patience: int) -> bool:
     """Whether the lowest eval loss is `patience` epochs old."""
     losses = [row["eval_loss"] for row in curve]
     return bool(losses) and len(losses) - 1 - int(np.argmin(losses)) >= patience
-
-
-def save_checkpoint(
-    path: Path, key: str, training: Training, curve: list[dict[str, float]], best: dict[str, Any]
-) -> None:
-    """Everything needed to go on after this epoch, written whole."""
-    with written_whole(path) as file:
-        torch.save({"key": key, "training": training.state(), "curve": curve, "best": best}, file)
-
-
-def resume(
-    path: Path, key: str, training: Training
-) -> tuple[list[dict[str, float]], dict[str, Any]]:
-    """Curve and best weights of a checkpoint made from equal inputs; else a fresh start."""
-    if not path.exists():
-        return [], {}
-    try:
-        saved = torch.load(path, map_location="cpu", weights_only=False)
-    except (OSError, RuntimeError, EOFError) as error:
-        logger.warning("%s cannot be read (%s): training starts over", path, error)
-        return [], {}
-    if saved["key"] != key:
-        return [], {}
-    training.load_state(saved["training"])
-    return saved["curve"], saved["best"]
 
 
 def log_curve(work: Path, row: dict[str, float]) -> None:

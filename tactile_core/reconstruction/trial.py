@@ -7,8 +7,9 @@ from typing import Any
 import torch
 from ray import tune
 
+from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.files import content_hash, written_whole
+from tactile_core.files import content_hash
 from tactile_core.reconstruction.training import (
     begin_training,
     evaluate,
@@ -39,28 +40,31 @@ def run_trial(
     depth, channels = int(config["depth"]), int(config["channels"])
     training = begin_training(depth, channels, float(config["learning_rate"]), settings.seed)
     touch_sets = fixed_touch_sets(evaluation, settings.seed)
-    kept = work / f"{trial_key(config, train, settings)}.pt"
-    curve, state = saved_epochs(kept)
-    done = 0
+    key = trial_key(config, train, settings)
+    kept = work / f"{key}.pt"
+    curve: list[dict[str, float]] = []
+    reported = 0
+    saved = load_checkpoint(kept, key)
     paused = tune.get_checkpoint()
     if paused:
         with paused.as_directory() as directory:
-            past, past_state = saved_epochs(Path(directory) / CHECKPOINT)
-        done = len(past)
-        if len(past) > len(curve):
-            curve, state = past, past_state
-    if state:
-        training.load_state(state)
-    for epoch in range(done, settings.epochs):
+            past = load_checkpoint(Path(directory) / CHECKPOINT, key) or {"curve": []}
+        reported = len(past["curve"])
+        if saved is None or reported > len(saved["curve"]):
+            saved = past
+    if saved and saved["curve"]:
+        curve = saved["curve"]
+        training.load_state(saved["training"])
+    for epoch in range(reported, settings.epochs):
         if epoch >= len(curve):
             batch_size = int(config["batch_size"])
             train_epoch(training, train, batch_size, samples=settings.samples_per_epoch)
             loss, scores = evaluate(training.net, touch_sets, evaluation.masks, training.device)
             curve = [*curve, {"loss": loss, "jaccard": float(scores.mean())}]
-            state = training.state()
-            save_epochs(kept, curve, state)
+            save_checkpoint(kept, key, {"curve": curve, "training": training.state()})
         with tempfile.TemporaryDirectory() as directory:
-            save_epochs(Path(directory) / CHECKPOINT, curve[: epoch + 1], state)
+            state = {"curve": curve[: epoch + 1], "training": training.state()}
+            save_checkpoint(Path(directory) / CHECKPOINT, key, state)
             tune.report(dict(curve[epoch]), checkpoint=tune.Checkpoint.from_directory(directory))
 
 
@@ -69,17 +73,3 @@ def trial_key(config: dict[str, Any], train: Shapes, settings: SearchSettings) -
     tried = {name: repr(value) for name, value in sorted(config.items())}
     budget = settings.seed, settings.samples_per_epoch
     return content_hash(tried, budget, train.masks.tobytes())
-
-
-def save_epochs(path: Path, curve: list[dict[str, float]], state: dict[str, Any]) -> None:
-    with written_whole(path) as file:
-        torch.save({"curve": curve, "state": state}, file)
-
-
-def saved_epochs(path: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
-    """Curve and training state of a checkpoint; empty where there is none to read."""
-    try:
-        saved = torch.load(path, map_location="cpu", weights_only=False)
-    except (OSError, RuntimeError, EOFError):
-        return [], {}
-    return saved["curve"], saved["state"]
