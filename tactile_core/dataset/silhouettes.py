@@ -64,9 +64,10 @@ def render_masks(
             f"(for OpenGL, install {opengl.DEBIAN_PACKAGES})"
         )
     drawn = draw(wanted, root, settings, previous, progress, workers)
-    if not any(isinstance(mask, bytes) for mask in drawn):
-        reason = drawn[0] if drawn else "none is usable, as the status of shapenet_meshes tells"
-        raise TactileError(f"no mesh gives a mask: {reason}")
+    reasons = [mask for mask in drawn if isinstance(mask, str)]
+    if len(reasons) == len(drawn):
+        usual = "none is usable, as the status column of shapenet_meshes tells"
+        raise TactileError(f"no mesh gives a mask: {reasons[0] if reasons else usual}")
     table = wanted[["model_id", "category", "content_hash"]]
     return table.assign(
         resolution=settings.resolution,

@@ -14,8 +14,9 @@ from tactile_core.settings import TouchSettings
 def sample_touches(outlines: pd.DataFrame, settings: TouchSettings) -> pd.DataFrame:
     """`sets_per_mask` touch sets of each outline.
 
-    The columns are sample_id, model_id, category, split, set and touches. A set has `fewest` to `most` different points, each number equally likely, and never more
-    than the outline has. It depends on the seed and its sample only.
+    The columns are sample_id, model_id, category, split, set and touches. A set has `fewest`
+    to `most` different points, each number equally likely, and never more than the outline
+    has. It depends on the seed and its sample only.
     """
     if settings.fewest > settings.most:
         raise TactileError(

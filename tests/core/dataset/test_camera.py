@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_core.dataset.camera import project
@@ -38,6 +38,7 @@ def test_the_models_axes_point_where_the_report_has_them():
     assert towards == pytest.approx((middle, middle))
 
 
+@settings(deadline=None)
 @given(angles)
 def test_rotating_keeps_distances_from_the_middle(rotation):
     vertices, _ = cone()
@@ -48,12 +49,14 @@ def test_rotating_keeps_distances_from_the_middle(rotation):
     assert straight == pytest.approx(turned, abs=1 / 128)
 
 
+@settings(deadline=None)
 @given(angles)
 def test_coordinates_are_multiples_of_a_256th_of_a_pixel(rotation):
     points = project(cone()[0], rotation, RESOLUTION) * 256
     assert (points == np.rint(points)).all()
 
 
+@settings(deadline=None)
 @given(angles)
 def test_a_shape_of_diagonal_one_stays_within_a_quarter_of_the_image(rotation):
     corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T / np.sqrt(3)

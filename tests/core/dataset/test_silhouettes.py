@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from upath import UPath
 
@@ -151,6 +151,7 @@ def test_pyrender_without_opengl_is_refused(root, without_opengl):
         render_masks(write_meshes(root), root, settings)
 
 
+@settings(deadline=None)
 @given(st.integers(0, 63), st.integers(0, 63))
 def test_masks_keep_clear_of_the_circle_of_rays(row, column):
     """One pixel is inside when it is nearer to the middle than any pixel of the circle."""

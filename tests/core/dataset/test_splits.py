@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from upath import UPath
 
@@ -39,6 +39,7 @@ def split_of(masks, split_settings=DEFAULT):
     return split_models(masks, split_settings).set_index("model_id")["split"]
 
 
+@settings(deadline=None)
 @given(sizes, shares, shares, st.integers(0))
 def test_every_model_stands_in_one_split_and_every_split_has_models(counts, evals, tests, seed):
     masks = models(counts)

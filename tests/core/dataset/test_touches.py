@@ -79,6 +79,7 @@ def test_touches_are_stored_as_lists_of_pairs(tmp_path):
         assert as_points(theirs).tolist() == ours.tolist()
 
 
+@settings(deadline=None)
 @given(st.lists(st.lists(st.tuples(st.integers(0, 15), st.integers(0, 15))), max_size=4))
 def test_an_image_shows_its_touches_and_nothing_else(sets):
     images = rasterise_touches([np.array(points).reshape(-1, 2) for points in sets], 16)
