@@ -65,12 +65,12 @@ def load_unet(directory: UPath) -> TrainedUNet:
     """Read what `save_unet` wrote; raises `TactileError` where it is missing or damaged."""
     try:
         about = json.loads((directory / "settings.json").read_bytes())
+        version = about.pop("version")
         weights = safetensors.torch.load((directory / "model.safetensors").read_bytes())
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no trained U-Net: materialise unet first") from error
-    except (ValueError, SafetensorError) as error:
+    except (ValueError, KeyError, SafetensorError) as error:
         raise TactileError(f"{directory} is damaged ({error}): materialise unet again") from error
-    version = about.pop("version")
     unet = TrainedUNet(weights=weights, curve=read_table(directory / "curve.parquet"), **about)
     if unet.version() != version:
         raise TactileError(

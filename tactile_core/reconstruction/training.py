@@ -89,9 +89,7 @@ def train_epoch(
         training.optimizer.step()
         total += loss.item() * len(masks)
         seen += len(masks)
-    if not np.isfinite(total):
-        raise TactileError("the U-Net's loss is no longer finite: choose a lower learning_rate")
-    return total / seen
+    return finite(total / seen)
 
 
 def bce_loss(
@@ -110,7 +108,10 @@ def bce_loss(
 def evaluate(
     net: nn.Module, touch_sets: Sequence[np.ndarray], masks: np.ndarray, device: torch.device
 ) -> tuple[float, np.ndarray]:
-    """Loss (mean over pixels) and Jaccard indices (N,) of N touch sets (k, 2) on their masks."""
+    """Loss (mean over pixels) and Jaccard indices (N,) of N touch sets (k, 2) on their masks.
+
+    Raises `TactileError` where the loss is not finite.
+    """
     net.eval()
     losses, scores = [], []
     for start in range(0, len(masks), EVALUATION_BATCH):
@@ -124,7 +125,14 @@ def evaluate(
         loss = functional.binary_cross_entropy_with_logits(logits, labels)
         losses.append(loss.item() * len(some))
         scores.append(jaccard_index(torch.sigmoid(logits)[:, 0].cpu().numpy(), some))
-    return sum(losses) / len(masks), np.concatenate(scores)
+    return finite(sum(losses) / len(masks)), np.concatenate(scores)
+
+
+def finite(loss: float) -> float:
+    """The loss; raises `TactileError` where the training has exploded."""
+    if not np.isfinite(loss):
+        raise TactileError("the U-Net's loss is no longer finite: choose a lower learning_rate")
+    return loss
 
 
 def images_of_sets(touch_sets: Sequence[np.ndarray], resolution: int) -> np.ndarray:
