@@ -1,0 +1,62 @@
+"""Small real parts that many tests share: generated mugs and bottles, a U-Net trained on them."""
+
+from pathlib import Path
+
+import pytest
+import torch
+from upath import UPath
+
+from tactile_core.dataset.meshes import collect_meshes
+from tactile_core.dataset.outlines import trace_outlines
+from tactile_core.dataset.shapes import SPLITS, Shapes, load_shapes
+from tactile_core.dataset.silhouettes import render_masks
+from tactile_core.dataset.splits import rotate_splits
+from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.trained import TrainedUNet
+from tactile_core.reconstruction.training import train_unet
+from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, UNetSettings
+
+# Nets this small gain nothing from a second thread, and on a busy machine wait for it.
+torch.set_num_threads(1)
+
+
+def shapes_of(folder: Path, resolution: int) -> dict[str, Shapes]:
+    """Ten mugs and ten bottles, twice each, by the chain that the assets run."""
+    root = UPath(folder)
+    meshes = MeshSettings(procedural_models={"mug": 10, "bottle": 10})
+    manifest = collect_meshes(meshes, root, folder / "cache")
+    drawing = MaskSettings(resolution=resolution, renderer="rasteriser")
+    masks = render_masks(manifest, root, drawing, workers=1)
+    dealing = SplitSettings(rotations=2, eval_share=0.2, test_share=0.2)
+    rotated = rotate_splits(masks, manifest, root, drawing, dealing, workers=1)
+    outlines = trace_outlines(rotated)
+    return {split: load_shapes(rotated, outlines, split) for split in SPLITS}
+
+
+@pytest.fixture(scope="session")
+def shapes(tmp_path_factory) -> dict[str, Shapes]:
+    """Train (24 masks), eval (8) and test (8) shapes at resolution 64."""
+    return shapes_of(tmp_path_factory.mktemp("meshes"), 64)
+
+
+@pytest.fixture(scope="session")
+def small_shapes(tmp_path_factory) -> dict[str, Shapes]:
+    """The same shapes at resolution 32."""
+    return shapes_of(tmp_path_factory.mktemp("meshes"), 32)
+
+
+@pytest.fixture(scope="session")
+def unet(shapes, tmp_path_factory) -> TrainedUNet:
+    """A small U-Net, trained for a few seconds on the train shapes."""
+    return train_unet(
+        shapes["train"],
+        shapes["eval"],
+        UNetSettings(learning_rate=1e-2, batch_size=4, depth=3, channels=4, epochs=40, patience=40),
+        work=tmp_path_factory.mktemp("unet"),
+    )
+
+
+@pytest.fixture(scope="session")
+def reconstructor(unet) -> Reconstructor:
+    """The U-Net in float32, whose predictions do not hang on what else is in the batch."""
+    return Reconstructor(unet, precision="float32")

@@ -1,0 +1,118 @@
+"""Training batches: masks, and touches drawn from their outlines."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_core.reconstruction.batches import (
+    orient,
+    outline_touches,
+    pad_outlines,
+    touch_images,
+    training_batches,
+)
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def epoch(shapes, seed, batch_size, samples=None, draw=None):
+    """All (touches, masks) of one epoch, each (N, R, R)."""
+    rng = np.random.default_rng(seed)
+    batches = list(
+        training_batches(shapes, batch_size, rng, draw or outline_touches(shapes), samples)
+    )
+    return batches, *(np.concatenate(images) for images in zip(*batches, strict=True))
+
+
+def standing(mask: np.ndarray) -> bytes:
+    """The same bytes for all eight orientations of a mask."""
+    turned = [np.rot90(some, turn) for some in (mask, mask.T) for turn in range(4)]
+    return min(np.ascontiguousarray(some).tobytes() for some in turned)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=seeds, fewest=st.integers(0, 5), more=st.integers(0, 5))
+def test_touches_lie_on_the_outline_and_are_as_many_as_asked(shapes, seed, fewest, more):
+    train = shapes["train"]
+    indices = np.array([3, 0, 3, 17])
+    draw = outline_touches(train, fewest, fewest + more)
+    points, held = draw(np.random.default_rng(seed), indices)
+    assert held.sum(axis=1).min() >= fewest
+    assert held.sum(axis=1).max() <= fewest + more
+    for index, some, which in zip(indices, points, held, strict=True):
+        outline = set(map(tuple, train.outlines[index].tolist()))
+        assert set(map(tuple, some[which].tolist())) <= outline
+
+
+def test_one_to_ten_touches_are_equally_likely(shapes):
+    indices = np.zeros(10_000, int)
+    _, held = outline_touches(shapes["train"])(np.random.default_rng(0), indices)
+    counts = np.bincount(held.sum(axis=1), minlength=11)
+    assert counts[0] == 0
+    assert counts[1:] == pytest.approx(1000, abs=150)  # five standard deviations
+
+
+def test_every_outline_pixel_is_drawn_equally_often(shapes):
+    outline = shapes["train"].outlines[0]
+    indices = np.zeros(200 * len(outline), int)
+    points, _ = outline_touches(shapes["train"], 1, 1)(np.random.default_rng(0), indices)
+    found, counts = np.unique(points[:, 0], axis=0, return_counts=True)
+    assert len(found) == len(outline)
+    assert counts == pytest.approx(200, abs=75)
+
+
+def test_outlines_are_padded_without_loss(shapes):
+    padded = pad_outlines(shapes["train"].outlines)
+    for outline, row, length in zip(
+        shapes["train"].outlines, padded.points, padded.lengths, strict=True
+    ):
+        np.testing.assert_array_equal(row[:length], outline)
+
+
+def test_only_touches_that_are_held_are_drawn():
+    points = np.array([[[1, 2], [3, 3]], [[0, 0], [2, 1]]])
+    images = touch_images(points, np.array([[True, False], [True, True]]), 4)
+    assert np.argwhere(images).tolist() == [[0, 1, 2], [1, 0, 0], [1, 2, 1]]
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=seeds, batch_size=st.integers(1, 30))
+def test_an_epoch_sees_every_shape_once(shapes, seed, batch_size):
+    batches, _, masks = epoch(shapes["train"], seed, batch_size)
+    assert all(len(images) == batch_size for images, _ in batches[:-1])
+    assert sorted(map(standing, masks)) == sorted(map(standing, shapes["train"].masks))
+
+
+def test_an_epoch_can_end_early(shapes):
+    _, touches, masks = epoch(shapes["train"], 0, 4, samples=10)
+    assert len(touches) == len(masks) == 10
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=seeds)
+def test_touches_lie_on_their_mask_in_every_orientation(shapes, seed):
+    _, touches, masks = epoch(shapes["train"], seed, 5)
+    assert touches.any(axis=(1, 2)).all()
+    assert not (touches & ~masks).any()
+
+
+@given(orientation=st.integers(0, 7))
+def test_an_orientation_moves_touches_and_masks_alike(orientation):
+    images = np.arange(2 * 6 * 6).reshape(2, 6, 6)
+    touches, masks = orient(images, images + 100, orientation)
+    np.testing.assert_array_equal(touches + 100, masks)
+    np.testing.assert_array_equal(np.sort(touches[1].ravel()), images[1].ravel())
+
+
+def test_the_eight_orientations_differ():
+    image = np.arange(9).reshape(1, 3, 3)
+    assert len({orient(image, image, k)[0].tobytes() for k in range(8)}) == 8
+
+
+def test_the_same_seed_gives_the_same_batches(shapes):
+    _, *first = epoch(shapes["train"], 7, 5)
+    _, *second = epoch(shapes["train"], 7, 5)
+    _, *other = epoch(shapes["train"], 8, 5)
+    np.testing.assert_array_equal(first, second)
+    assert not np.array_equal(first, other)

@@ -1,0 +1,94 @@
+"""How well the U-Net reconstructs (report, Table II)."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.dataset.touches import rasterise_touches
+from tactile_core.reconstruction.jaccard import jaccard_index
+from tactile_core.reconstruction.scores import (
+    evaluate_reconstruction,
+    mean_shape_jaccard,
+    overfit_jaccard,
+    touch_sets_of,
+)
+
+
+@pytest.fixture(scope="module")
+def tactile_samples(shapes) -> pd.DataFrame:
+    """Two sets of three touches for each sample, as a table stores them: lists of pairs."""
+    return pd.DataFrame(
+        {"sample_id": sample, "set": number, "touches": list(map(tuple, outline[start::9][:3]))}
+        for some in shapes.values()
+        for sample, outline in zip(some.sample_ids, some.outlines, strict=True)
+        for number, start in enumerate((0, 4))
+    )
+
+
+@pytest.fixture(scope="module")
+def table(unet, shapes, tactile_samples) -> pd.DataFrame:
+    return evaluate_reconstruction(unet, shapes, tactile_samples)
+
+
+def test_each_split_has_a_row_for_table_ii_and_one_for_each_number_of_touches(table):
+    for split, samples in (("train", 24), ("eval", 8), ("test", 8)):
+        rows = table[table["split"] == split]
+        assert rows["touches"].isna().tolist() == [True] + 11 * [False]
+        assert rows["touches"].iloc[1:].tolist() == list(range(11))
+        assert rows["samples"].tolist() == [2 * samples] + 11 * [samples]
+
+
+def test_table_ii_is_the_mean_over_the_stored_touch_sets(
+    table, reconstructor, shapes, tactile_samples
+):
+    test = shapes["test"]
+    sets = tactile_samples.set_index("sample_id")["touches"]
+    scores, losses = [], []
+    for sample, mask in zip(test.sample_ids, test.masks, strict=True):
+        predictions = reconstructor.predict(rasterise_touches(sets[sample].tolist(), 64))
+        scores.extend(jaccard_index(predictions, mask))
+        losses.append(-np.log(np.where(mask, predictions, 1 - predictions)).mean())
+    row = table[(table["split"] == "test") & table["touches"].isna()].iloc[0]
+    assert row["jaccard"] == pytest.approx(np.mean(scores), abs=0.5)
+    assert row["loss"] == pytest.approx(np.mean(losses), rel=0.02)
+
+
+def test_without_a_touch_the_score_is_that_of_the_untouched_prediction(
+    table, reconstructor, shapes
+):
+    for split, some in shapes.items():
+        row = table[(table["split"] == split) & (table["touches"] == 0)].iloc[0]
+        expected = jaccard_index(reconstructor.untouched, some.masks).mean()
+        assert row["jaccard"] == pytest.approx(expected, abs=0.5)
+
+
+def test_ten_touches_tell_more_than_one(table):
+    by_touches = table.groupby("touches")["jaccard"].mean()
+    assert by_touches[10] > by_touches[1] + 5
+
+
+def test_the_same_seed_gives_the_same_table(table, unet, shapes, tactile_samples):
+    assert evaluate_reconstruction(unet, shapes, tactile_samples).equals(table)
+
+
+def test_touch_sets_go_with_their_shapes(shapes, tactile_samples):
+    test = shapes["test"]
+    sets = touch_sets_of(test, tactile_samples.sample(frac=1, random_state=0))
+    assert sorted(index for index, _ in sets) == sorted(2 * list(range(8)))
+    assert all(test.masks[index][tuple(touches.T)].all() for index, touches in sets)
+
+
+def test_the_mean_shape_is_thresholded_where_it_fits_best():
+    """Of three discs about the middle, always saying the middle one scores best."""
+    rows, columns = np.indices((32, 32)) - 15.5
+    discs = [np.hypot(rows, columns) < radius for radius in (3, 5, 6)]
+    masks = np.array(discs)
+    names = np.array(["a", "b", "c"])
+    shapes = Shapes(masks, [], names, names, names)
+    expected = max(jaccard_index(disc.astype(float), masks).mean() for disc in discs)
+    assert mean_shape_jaccard(shapes, shapes) == pytest.approx(expected)
+
+
+def test_the_unet_learns_a_handful_of_shapes_by_heart(small_shapes):
+    assert overfit_jaccard(small_shapes["train"], shapes=4, epochs=100) > 85

@@ -1,0 +1,75 @@
+"""A trained U-Net as files."""
+
+import json
+
+import pytest
+import torch
+from safetensors.torch import load, save
+from upath import UPath
+
+from tactile_core.errors import TactileError
+from tactile_core.reconstruction.trained import load_unet, save_unet
+
+
+@pytest.fixture
+def stored(unet, tmp_path) -> UPath:
+    save_unet(unet, UPath(tmp_path))
+    return UPath(tmp_path)
+
+
+def test_a_stored_unet_is_read_back_as_it_was(unet, stored):
+    again = load_unet(stored)
+    assert again.version() == unet.version()
+    assert again.curve.equals(unet.curve)
+    for name in ("resolution", "depth", "channels", "settings", "scores"):
+        assert getattr(again, name) == getattr(unet, name)
+    touches = torch.zeros(1, 1, 64, 64)
+    touches[..., 30, 25] = 1
+    assert torch.equal(again.net()(touches), unet.net()(touches))
+
+
+def test_equal_unets_are_equal_files(unet, stored, tmp_path):
+    save_unet(load_unet(stored), UPath(tmp_path) / "again")
+    for name in ("model.safetensors", "settings.json", "curve.parquet"):
+        assert (stored / name).read_bytes() == (stored / "again" / name).read_bytes()
+
+
+def test_an_object_store_holds_a_unet_as_a_folder_does(unet):
+    directory = UPath("memory://unets/one")
+    save_unet(unet, directory)
+    assert load_unet(directory).version() == unet.version()
+
+
+@pytest.mark.parametrize("name", ["model.safetensors", "settings.json", "curve.parquet"])
+def test_a_missing_file_is_told_in_one_line(stored, name):
+    (stored / name).unlink()
+    with pytest.raises(TactileError, match=r"materialise") as refused:
+        load_unet(stored)
+    assert str(stored) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["model.safetensors", "settings.json", "curve.parquet"])
+@pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", None])
+def test_a_damaged_file_is_told_in_one_line(stored, name, damage):
+    whole = (stored / name).read_bytes()
+    (stored / name).write_bytes(damage(whole) if damage else b"{}")
+    with pytest.raises(TactileError, match=r"materialise") as refused:
+        load_unet(stored)
+    assert str(stored) in str(refused.value)
+
+
+def test_weights_and_settings_of_two_trainings_are_told_apart(stored):
+    """As a store that was interrupted between the two files leaves them."""
+    weights = load((stored / "model.safetensors").read_bytes())
+    weights["head.bias"] += 1
+    (stored / "model.safetensors").write_bytes(save(weights))
+    with pytest.raises(TactileError, match="of two trainings: materialise unet again"):
+        load_unet(stored)
+
+
+def test_settings_of_another_resolution_are_told_apart(stored):
+    about = json.loads((stored / "settings.json").read_bytes())
+    (stored / "settings.json").write_text(json.dumps({**about, "resolution": 128}))
+    with pytest.raises(TactileError, match="of two trainings"):
+        load_unet(stored)

@@ -1,0 +1,171 @@
+"""Training the U-Net (report, section V)."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from tactile_core.errors import TactileError
+from tactile_core.reconstruction.training import (
+    begin_training,
+    evaluate,
+    fixed_touch_sets,
+    images_of_sets,
+    stopped_early,
+    train_epoch,
+    train_unet,
+)
+from tactile_core.settings import UNetSettings
+
+QUICK = UNetSettings(learning_rate=1e-2, batch_size=6, depth=2, channels=4, epochs=4)
+
+
+class PowerCutError(Exception):
+    """Ends a training from outside."""
+
+
+def cut_after(message: str):
+    """A progress callback during which the power fails."""
+
+    def progress(said: str) -> None:
+        if message in said:
+            raise PowerCutError
+
+    return progress
+
+
+@pytest.fixture
+def train(small_shapes, tmp_path):
+    """Trains on the small shapes in `tmp_path`, unless told otherwise."""
+
+    def run(settings=QUICK, work=tmp_path, shapes=small_shapes, **options):
+        return train_unet(shapes["train"], shapes["eval"], settings, work=work, **options)
+
+    return run
+
+
+def test_training_lowers_the_loss_on_shapes_never_seen(unet):
+    curve = unet.curve
+    assert curve["epoch"].tolist() == list(range(1, 41))
+    assert curve["train_loss"].iloc[-1] < 0.5 * curve["train_loss"].iloc[0]
+    assert curve["eval_loss"].min() < 0.5 * curve["eval_loss"].iloc[0]
+    assert curve["eval_jaccard"].max() > 50
+
+
+def test_the_weights_kept_are_those_of_the_lowest_eval_loss(unet, shapes):
+    best = unet.curve.loc[unet.curve["eval_loss"].idxmin()]
+    touch_sets = fixed_touch_sets(shapes["eval"], unet.settings["seed"])
+    masks = shapes["eval"].masks
+    loss, jaccard = evaluate(unet.net(), touch_sets, masks, torch.device("cpu"))
+    assert unet.scores == best[["epoch", "eval_loss", "eval_jaccard"]].to_dict()
+    assert loss == pytest.approx(best["eval_loss"], rel=1e-4)
+    assert jaccard.mean() == pytest.approx(best["eval_jaccard"], abs=0.1)
+
+
+@pytest.mark.parametrize("epoch", [1, 3, 4])
+def test_a_training_killed_after_an_epoch_and_started_again_ends_the_same(train, epoch, tmp_path):
+    whole = train(work=tmp_path / "whole")
+    with pytest.raises(PowerCutError):
+        train(work=tmp_path / "cut", progress=cut_after(f"epoch {epoch}/4"))
+    said = []
+    resumed = train(work=tmp_path / "cut", progress=said.append)
+    assert said[0] == f"U-Net: resuming after epoch {epoch}"
+    assert sum("epoch" in message for message in said[1:]) == 4 - epoch
+    assert resumed.version() == whole.version()
+    assert resumed.curve.equals(whole.curve)
+
+
+def test_a_checkpoint_of_other_settings_or_shapes_is_not_taken_up(train, small_shapes):
+    with pytest.raises(PowerCutError):
+        train(progress=cut_after("epoch 2/4"))
+    others = {**small_shapes, "train": small_shapes["test"]}
+    for changed in ({"settings": QUICK.model_copy(update={"seed": 1})}, {"shapes": others}):
+        said = []
+        with pytest.raises(PowerCutError):
+            train(**changed, progress=lambda m, said=said: (said.append(m), cut_after("1/4")(m)))
+        assert "epoch 1/4" in said[0]
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda b: b"", lambda b: b"nonsense", lambda b: b[:-100], lambda b: bytes(len(b))]
+)
+def test_a_damaged_checkpoint_makes_the_training_start_over(train, tmp_path, damage):
+    whole = train()
+    with pytest.raises(PowerCutError):
+        train(progress=cut_after("epoch 2/4"))
+    checkpoint = tmp_path / "checkpoint.pt"
+    checkpoint.write_bytes(damage(checkpoint.read_bytes()))
+    assert train().version() == whole.version()
+
+
+def test_a_finished_training_leaves_its_tensorboard_curves_and_no_checkpoint(train, tmp_path):
+    trained = train()
+    assert not (tmp_path / "checkpoint.pt").exists()
+    events = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    logged = [scalar.value for scalar in events.Scalars("eval_jaccard")]
+    assert logged == pytest.approx(trained.curve["eval_jaccard"].tolist())
+
+
+def test_the_seed_decides_the_weights(train, tmp_path):
+    torch.manual_seed(3)  # what happened before does not matter
+    first = train(work=tmp_path / "first")
+    second = train(work=tmp_path / "second")
+    other = train(QUICK.model_copy(update={"seed": 1}), work=tmp_path / "other")
+    assert first.version() == second.version()
+    assert first.version() != other.version()
+
+
+@pytest.mark.parametrize("field", ["learning_rate", "batch_size", "depth", "channels"])
+def test_an_empty_hyperparameter_is_refused(train, field):
+    with pytest.raises(TactileError, match=f"lack .*{field}.* materialise unet_search"):
+        train(QUICK.model_copy(update={field: None}))
+
+
+@pytest.mark.parametrize("epochs", [1, 4])
+def test_a_loss_that_explodes_is_refused(train, epochs):
+    wild = QUICK.model_copy(update={"learning_rate": 1e30, "epochs": epochs, "batch_size": 24})
+    with pytest.raises(TactileError, match="no longer finite: choose a lower learning_rate"):
+        train(wild)
+
+
+def test_a_training_that_no_longer_improves_stops(train):
+    said = []
+    impatient = QUICK.model_copy(update={"epochs": 60, "patience": 2, "learning_rate": 3e-2})
+    trained = train(impatient, progress=said.append)
+    assert said[-1] == "U-Net: no better eval loss for 2 epochs, stopping"
+    assert len(trained.curve) == trained.scores["epoch"] + 2
+
+
+@given(losses=st.lists(st.sampled_from([1.0, 2.0, 3.0]), max_size=8), patience=st.integers(1, 4))
+def test_patience_counts_the_epochs_since_the_lowest_loss(losses, patience):
+    curve = [{"eval_loss": loss} for loss in losses]
+    since = len(losses) - 1 - losses.index(min(losses)) if losses else 0
+    assert stopped_early(curve, patience) == (bool(losses) and since >= patience)
+
+
+def test_touches_can_be_drawn_some_other_way(train, small_shapes, tmp_path):
+    asked = []
+
+    def corner(rng, indices):
+        asked.extend(indices.tolist())
+        return np.full((len(indices), 1, 2), 8), np.ones((len(indices), 1), bool)
+
+    one = QUICK.model_copy(update={"epochs": 1})
+    trained = train(one, draw=corner)
+    assert sorted(asked) == list(range(len(small_shapes["train"])))
+    assert trained.version() != train(one, work=tmp_path / "usual").version()
+
+
+def test_an_epoch_tells_what_share_of_it_is_done(small_shapes):
+    training, shares = begin_training(1, 2, 1e-3, seed=0), []
+    train_epoch(training, small_shapes["train"], 6, before_batch=shares.append)
+    train_epoch(training, small_shapes["train"], 6, samples=12, before_batch=shares.append)
+    assert shares == [0, 0.25, 0.5, 0.75, 0, 0.5]
+
+
+def test_touch_sets_of_any_size_become_images():
+    sets = [np.array([[1, 2], [3, 0]]), np.zeros((0, 2), int), np.array([[2, 2]])]
+    images = images_of_sets(sets, 4)
+    assert np.argwhere(images).tolist() == [[0, 1, 2], [0, 3, 0], [2, 2, 2]]
