@@ -60,8 +60,10 @@ def read_table(path: str | os.PathLike | UPath) -> pd.DataFrame:
     try:
         arrow = pq.read_table(io.BytesIO(source.read_bytes()))
     except pa.ArrowInvalid as error:
-        raise TactileError(f"{source} is not a readable Parquet file ({error}): delete it and "
-                           "materialise its asset again") from error
+        raise TactileError(
+            f"{source} is not a readable Parquet file ({error}): delete it and "
+            "materialise its asset again"
+        ) from error
     return _from_arrow(arrow)
 
 

@@ -6,21 +6,11 @@ only, both windings count, and a triangle without area covers nothing. All arith
 snapping is in integers, so the result is exact.
 """
 
-from collections.abc import Callable
-from typing import Any
 
-import numba
 import numpy as np
 
+from tactile_core.compiled import compiled
 from tactile_core.dataset.camera import STEPS
-
-
-def compiled(function: Callable) -> Callable[..., Any]:
-    """`function` compiled by numba, outside the GIL, and cached on disk where that is possible."""
-    try:
-        return numba.njit(cache=True, nogil=True)(function)
-    except RuntimeError:  # neither the package nor the user's cache folder can be written
-        return numba.njit(nogil=True)(function)
 
 
 def rasterise(points: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:

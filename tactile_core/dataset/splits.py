@@ -36,7 +36,7 @@ def split_models(masks: pd.DataFrame, settings: SplitSettings) -> pd.DataFrame:
     the split depends on nothing else, and one more model moves at most one other per boundary.
     Raises `TactileError` with fewer than three models.
     """
-    usable = masks.loc[masks["status"] == "ok", ["model_id", "category"]]
+    usable = masks.loc[masks["status"] == "ok", ["model_id", "category", "content_hash"]]
     twice = usable.loc[usable["model_id"].duplicated(), "model_id"]
     if len(twice):
         raise TactileError(
@@ -57,7 +57,10 @@ def split_models(masks: pd.DataFrame, settings: SplitSettings) -> pd.DataFrame:
     for split in ("test", "eval"):  # every category may be too small to fill it
         if split not in splits:
             splits[splits.index("train")] = split
-    table = queue.assign(split=splits).drop(columns="rank")
+    table = queue.assign(split=splits)
+    # ShapeNet holds some meshes under two ids: all copies go where the first one went.
+    table["split"] = table.groupby("content_hash", sort=False)["split"].transform("first")
+    table = table.drop(columns=["rank", "content_hash"])
     return table.sort_values(["category", "model_id"]).reset_index(drop=True)
 
 

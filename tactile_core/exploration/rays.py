@@ -10,9 +10,13 @@ import numba
 import numpy as np
 from skimage.draw import line
 
+from tactile_core.compiled import compiled
 from tactile_core.exploration.circle import angle_index, circle_pixels, frozen
 
 MISS = -1
+
+# steps, row, column, error, row step, column step, long, short, steep
+Walk = tuple[int, int, int, int, int, int, int, int, bool]
 
 
 def cast_rays(
@@ -71,8 +75,10 @@ def pixels_along(resolution: int) -> np.ndarray:
     return frozen(along)
 
 
-@numba.njit(cache=True, nogil=True)
-def _first_hits(masks, which, ends, touches):  # type: ignore[no-untyped-def]
+@compiled
+def _first_hits(
+    masks: np.ndarray, which: np.ndarray, ends: np.ndarray, touches: np.ndarray
+) -> None:
     for ray in range(len(ends)):
         mask = masks[which[ray]]
         row, column, last_row, last_column = ends[ray]
@@ -85,8 +91,8 @@ def _first_hits(masks, which, ends, touches):  # type: ignore[no-untyped-def]
             walk = _advance(walk)
 
 
-@numba.njit(cache=True, nogil=True)
-def _mark_free(free, ends, touches):  # type: ignore[no-untyped-def]
+@compiled
+def _mark_free(free: np.ndarray, ends: np.ndarray, touches: np.ndarray) -> None:
     for ray in range(len(ends)):
         row, column, last_row, last_column = ends[ray]
         walk = _begin(row, column, last_row, last_column)
@@ -97,12 +103,9 @@ def _mark_free(free, ends, touches):  # type: ignore[no-untyped-def]
             walk = _advance(walk)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def _begin(row, column, last_row, last_column):  # type: ignore[no-untyped-def]
-    """Bresenham's line, pixel for pixel that of `skimage.draw.line`.
-
-    A line is (steps, row, column, error, row step, column step, long, short, steep).
-    """
+@numba.njit(inline="always")
+def _begin(row: int, column: int, last_row: int, last_column: int) -> Walk:
+    """Bresenham's line, pixel for pixel that of `skimage.draw.line`."""
     rows, columns = abs(last_row - row), abs(last_column - column)
     row_step = 1 if last_row > row else -1
     column_step = 1 if last_column > column else -1
@@ -111,8 +114,8 @@ def _begin(row, column, last_row, last_column):  # type: ignore[no-untyped-def]
     return long, row, column, 2 * short - long, row_step, column_step, long, short, steep
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def _advance(walk):  # type: ignore[no-untyped-def]
+@numba.njit(inline="always")
+def _advance(walk: Walk) -> Walk:
     steps, row, column, error, row_step, column_step, long, short, steep = walk
     if error >= 0 and long > 0:
         if steep:

@@ -28,7 +28,12 @@ def models(counts):
     """Masks, without pictures, of so many models in each category."""
     return pd.DataFrame(
         [
-            {"model_id": f"{category}-{number}", "category": f"c{category}", "status": "ok"}
+            {
+                "model_id": f"{category}-{number}",
+                "category": f"c{category}",
+                "status": "ok",
+                "content_hash": f"{category}-{number}",
+            }
             for category, count in enumerate(counts)
             for number in range(count)
         ]
@@ -54,6 +59,13 @@ def test_every_model_stands_in_one_split_and_every_split_has_models(counts, eval
             if evals + tests < 0.8 and count >= 10:
                 assert abs(of_category["test"] - max(1, tests * count)) <= 0.5 + 1e-9
                 assert abs(of_category["eval"] - max(1, evals * count)) <= 0.5 + 1e-9
+
+
+def test_copies_of_a_mesh_under_other_ids_stay_in_one_split():
+    masks = models([20, 20])
+    masks["content_hash"] = [f"mesh-{number // 2}" for number in range(40)]
+    splits = split_models(masks, DEFAULT).merge(masks, on="model_id")
+    assert (splits.groupby("content_hash")["split"].nunique() == 1).all()
 
 
 def test_the_reports_712_models_give_355_test_samples():
