@@ -6,6 +6,8 @@ PYTHON ?= python3
 # The environment is made anew when what it is made from changes: its name is their checksum.
 STAMP := .venv/installed-$(shell (echo "$(CURDIR)"; cat pyproject.toml constraints.txt) | cksum | cut -d' ' -f1)
 ACTIVATE := . .venv/bin/activate
+GROUP := global@global
+GRAPH := http://localhost:3000/asset-groups?expanded=$(GROUP):dataset,$(GROUP):reconstruction,$(GROUP):exploration,$(GROUP):evaluation
 
 run: install ## Materialise every asset into .tactile/, then print the tables
 	@$(ACTIVATE) && dagster asset materialize --select '*' && python -m tactile_assets.results
@@ -27,6 +29,7 @@ test: install ## Install what is missing and run the tests
 	@$(ACTIVATE) && pytest
 
 ui: install ## Dagster's web interface on http://localhost:3000
+	@echo "The whole graph: $(GRAPH)"
 	@$(ACTIVATE) && dagster dev -w workspace.yaml
 
 bench: install ## Measure the ratios that the README states

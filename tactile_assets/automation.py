@@ -33,12 +33,10 @@ weekly = dg.ScheduleDefinition(
     job=whole_chain,
     minimum_interval_seconds=TEN_MINUTES,
     default_status=dg.DefaultSensorStatus.STOPPED,
+    description="Reruns the whole chain when the archives or folders of the meshes have changed.",
 )
 def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.SkipReason:
-    """Reruns the whole chain when the archives or folders of the meshes have changed.
-
-    The first look only remembers what there is. Nothing is downloaded.
-    """
+    """The first look only remembers what there is. Nothing is downloaded."""
     from tactile_core.dataset.places import source_fingerprint
 
     if PROFILE.meshes.location is None:

@@ -135,7 +135,7 @@ def a_unet_can_overfit(
     return dg.AssetCheckResult(
         passed=jaccard >= OVERFIT_JACCARD,
         description=f"Jaccard index {jaccard:.1f}; {OVERFIT_JACCARD:.0f} is expected",
-        metadata={"jaccard": jaccard},
+        metadata={"jaccard": round(jaccard, 2)},
     )
 
 
@@ -164,7 +164,7 @@ def the_unet_beats_the_mean_shape(
         passed=jaccard > mean_shape,
         severity=UNLESS_SMOKE,
         description=f"Jaccard index {jaccard:.1f}; the mean shape has {mean_shape:.1f}",
-        metadata={"jaccard": jaccard, "mean_shape": mean_shape},
+        metadata={"jaccard": round(jaccard, 2), "mean_shape": round(mean_shape, 2)},
     )
 
 

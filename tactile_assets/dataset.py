@@ -102,7 +102,7 @@ def masks(
         masks=len(usable),
         set_aside=len(table) - len(usable),
         resolution=config.resolution,
-        covered_percent=float(100 * pictures.mean()),
+        covered_percent=round(100 * float(pictures.mean()), 1),
         sheet=store.picture("masks.png", png(mask_sheet(pictures, categories))),
     )
 

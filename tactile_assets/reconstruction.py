@@ -55,7 +55,7 @@ def unet_search(
     return stored(
         table,
         trials=len(table),
-        best_jaccard=float(table["jaccard"].iloc[0]),
+        best_jaccard=round(float(table["jaccard"].iloc[0]), 2),
         best_trials=markdown(table.head(10), digits=4),
         trials_drawn=store.picture("unet_search.png", png(search_scatter(table))),
     )
@@ -100,7 +100,7 @@ def unet(
         value=trained,
         data_version=dg.DataVersion(trained.version()),
         metadata={
-            **{name: float(score) for name, score in trained.scores.items()},
+            **{name: round(score, 4) for name, score in trained.scores.items()},
             "parameters": sum(weights.numel() for weights in trained.weights.values()),
             "settings": dg.MetadataValue.json(trained.settings),
             "tensorboard": dg.MetadataValue.path(work / "tensorboard"),
