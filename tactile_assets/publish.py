@@ -1,0 +1,162 @@
+"""Publish a run: `python -m tactile_assets.publish NAME` after `make run`.
+
+Copies the tables and figures of the stored assets to docs/results/NAME, with the command,
+commit, machine and time that made them. `python -m tactile_assets.publish` alone only writes
+the README's results anew from docs/results/laptop; a test holds the README to it.
+"""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from tactile_assets.config import PROFILE
+from tactile_assets.resources import REPOSITORY, Store
+from tactile_core.errors import TactileError
+from tactile_core.evaluation.statistics import mean_curve, summarise_grasps, summarise_steps
+from tactile_core.evaluation.tables import (
+    grasp_rows,
+    hyperparameter_rows,
+    markdown_table,
+    reconstruction_rows,
+    step_rows,
+)
+from tactile_core.files import read_table
+
+RESULTS = REPOSITORY / "docs" / "results"
+README = REPOSITORY / "README.md"
+BEGIN, END = "<!-- results: python -m tactile_assets.publish -->", "<!-- end of results -->"
+FIGURES = ("figure_2.png", "figure_3.png", "figure_4.png", "figure_5.png", "run.gif")
+
+
+def publish(name: str) -> None:
+    """Write docs/results/`name` from what the assets stored."""
+    store = Store.from_environment()
+    folder = RESULTS / name
+    folder.mkdir(parents=True, exist_ok=True)
+    settings = json.loads(store.path("unet", "settings.json").read_bytes())["settings"]
+    drawn = PROFILE.per_step.resamples, PROFILE.per_step.seed
+    per_step = read_table(store.path("per_step_evaluation.parquet"))
+    per_grasp = read_table(store.path("per_grasp_evaluation.parquet"))
+    steps = mean_curve(per_step, "step", *drawn), summarise_steps(per_step, *drawn)
+    grasps = mean_curve(per_grasp, "grasp", *drawn), summarise_grasps(per_grasp, *drawn)
+    tables = {
+        "hyperparameters": hyperparameter_rows(settings),
+        "reconstruction": reconstruction_rows(
+            read_table(store.path("reconstruction_evaluation.parquet"))
+        ),
+        "per_step": step_rows(*steps),
+        "per_grasp": grasp_rows(*grasps),
+        "per_step_curve": steps[0],
+        "per_step_summary": steps[1],
+        "per_grasp_curve": grasps[0],
+        "per_grasp_summary": grasps[1],
+    }
+    for title, table in tables.items():
+        table.to_csv(folder / f"{title}.csv", index=False, float_format="%.4f")
+    for figure in FIGURES:
+        (folder / figure).write_bytes(store.path("figures", figure).read_bytes())
+    about = run_facts(per_step)
+    (folder / "run.json").write_text(json.dumps(about, indent=2, ensure_ascii=False) + "\n")
+    print(f"Published to {folder}")
+
+
+def run_facts(per_step: pd.DataFrame) -> dict[str, Any]:
+    """What, where and when: everything needed to make the same run again."""
+    variables = [f"{name}={os.environ[name]} " for name in SETTINGS if os.environ.get(name)]
+    return {
+        "command": "".join(variables) + "make run",
+        "commit": commit(),
+        "profile": PROFILE.name,
+        "test samples": int(per_step["sample_id"].nunique()),
+        "seeds": sorted(int(seed) for seed in per_step["seed"].unique()),
+        "machine": f"{os.cpu_count()} × {processor()}, {memory_gib()} GiB, {platform.system()}",
+        "python": platform.python_version(),
+        **last_run(),
+    }
+
+
+SETTINGS = ("TACTILE_PROFILE", "TACTILE_SHAPENET")
+
+
+def commit() -> str:
+    """The commit of the checkout, marked where files differ from it."""
+    described = ["git", "-C", str(REPOSITORY), "describe", "--always", "--abbrev=12", "--dirty"]
+    return subprocess.run(described, capture_output=True, text=True).stdout.strip() or "unknown"
+
+
+def processor() -> str:
+    """The processor as Linux names it, with the vector units that matter here."""
+    try:
+        facts = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return platform.processor()
+    model = next(line.partition(": ")[2] for line in facts.splitlines() if "model name" in line)
+    return model + (" (bfloat16)" if "avx512_bf16" in facts or "amx_bf16" in facts else "")
+
+
+def memory_gib() -> int:
+    return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30)
+
+
+def last_run() -> dict[str, Any]:
+    """Start (UTC) and length of the last successful run of every asset."""
+    finished = dg.RunsFilter(statuses=[dg.DagsterRunStatus.SUCCESS])
+    with dg.DagsterInstance.get() as instance:
+        for record in instance.get_run_records(finished, limit=50):
+            keys = record.dagster_run.asset_selection
+            if (keys is None or len(keys) >= 11) and record.start_time and record.end_time:
+                started = pd.Timestamp(record.start_time, unit="s")
+                minutes = (record.end_time - record.start_time) / 60
+                return {"started": f"{started:%Y-%m-%d %H:%M} UTC", "minutes": round(minutes, 1)}
+    raise TactileError("no run of all assets has succeeded: make run first")
+
+
+def readme_results(folder: Path = RESULTS / "laptop") -> str:
+    """The README's section of results, in markdown, from a published run."""
+    about = json.loads((folder / "run.json").read_text())
+    parts = [
+        f"`{about['command']}` at commit {about['commit']} on {about['machine']}, "
+        f"{about['started']}: {about['minutes']} minutes; {about['test samples']} test samples.",
+        "**Hyperparameters** (the report's Table I)",
+        table_of(folder / "hyperparameters.csv"),
+        "**Reconstruction** (Table II)",
+        table_of(folder / "reconstruction.csv"),
+        "**Per step**: Jaccard index after each ray (Figure 4)",
+        table_of(folder / "per_step.csv"),
+        "**Per grasp**: Jaccard index at each touch (Figure 5)",
+        table_of(folder / "per_grasp.csv"),
+    ]
+    return "\n\n".join(parts)
+
+
+def table_of(file: Path) -> str:
+    return markdown_table(pd.read_csv(file, dtype=str, keep_default_na=False))
+
+
+def with_results(readme: str, results: str) -> str:
+    """The README with the section between the two marks replaced."""
+    before, _, rest = readme.partition(BEGIN)
+    _, mark, after = rest.partition(END)
+    if not mark:
+        raise TactileError(f"{README} lacks the marks {BEGIN!r} and {END!r}")
+    return f"{before}{BEGIN}\n\n{results}\n\n{END}{after}"
+
+
+def main(arguments: list[str]) -> None:
+    if arguments:
+        publish(arguments[0])
+    README.write_text(with_results(README.read_text(), readme_results()))
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except TactileError as error:
+        sys.exit(str(error))
