@@ -2,7 +2,6 @@
 
 import io
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -36,7 +35,7 @@ def train_policy(
 
     Returns a hash of the policy's weights. `directory` receives policy.zip (an SB3 PPO) or
     policy.safetensors (a ray scorer), curve.parquet and, last, settings.json; `work` holds
-    the checkpoint of a training under way. Raises `TactileError` for an unknown approach.
+    TensorBoard curves and the checkpoint of a training under way. Raises `TactileError` for an unknown approach.
     """
     recipe = find_approach(approach)
     if best_device().type == "cpu":
@@ -71,5 +70,5 @@ def train_policy(
     write_table(curve, directory / "curve.parquet")
     with written_whole(directory / "settings.json") as file:
         file.write(json.dumps(about, indent=2).encode())
-    shutil.rmtree(work, ignore_errors=True)
+    (work / "checkpoint.pt").unlink(missing_ok=True)
     return version
