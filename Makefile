@@ -33,7 +33,7 @@ ui: install ## Dagster's web interface on http://localhost:3000
 	@$(ACTIVATE) && dagster dev -w workspace.yaml
 
 bench: install ## Measure the ratios that the README states
-	@$(ACTIVATE) && for benchmark in benchmarks/*.py; do python $$benchmark || exit 1; done
+	@$(ACTIVATE) && python -m benchmarks.bench
 
 lint: install ## Check formatting, style and types
 	@$(ACTIVATE) && ruff format --check . && ruff check . && mypy
