@@ -35,7 +35,8 @@ def train_policy(
 
     Returns a hash of the policy's weights. `directory` receives policy.zip (an SB3 PPO) or
     policy.safetensors (a ray scorer), curve.parquet and, last, settings.json; `work` holds
-    TensorBoard curves and the checkpoint of a training under way. Raises `TactileError` for an unknown approach.
+    TensorBoard curves and the checkpoint of a training under way. Raises `TactileError` for
+    an unknown approach.
     """
     recipe = find_approach(approach)
     if best_device().type == "cpu":
