@@ -129,6 +129,7 @@ def run_trials(
             mode="min",
             num_samples=settings.trials,
             max_concurrent_trials=settings.concurrent,
+            reuse_actors=True,  # a new process for each trial and resumption imports torch again
             search_alg=TuneBOHB(seed=settings.seed),
             scheduler=HyperBandForBOHB(
                 time_attr="training_iteration",

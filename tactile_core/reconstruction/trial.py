@@ -40,7 +40,7 @@ def run_trial(
     depth, channels = int(config["depth"]), int(config["channels"])
     training = begin_training(depth, channels, float(config["learning_rate"]), settings.seed)
     touch_sets = fixed_touch_sets(evaluation, settings.seed)
-    key = trial_key(config, train, settings)
+    key = trial_key(config, train, evaluation, settings)
     kept = work / f"{key}.pt"
     curve: list[dict[str, float]] = []
     reported = 0
@@ -68,8 +68,10 @@ def run_trial(
             tune.report(dict(curve[epoch]), checkpoint=tune.Checkpoint.from_directory(directory))
 
 
-def trial_key(config: dict[str, Any], train: Shapes, settings: SearchSettings) -> str:
+def trial_key(
+    config: dict[str, Any], train: Shapes, evaluation: Shapes, settings: SearchSettings
+) -> str:
     """Hash of everything that a trial's result depends on."""
     tried = {name: repr(value) for name, value in sorted(config.items())}
     budget = settings.seed, settings.samples_per_epoch
-    return content_hash(tried, budget, train.masks.tobytes())
+    return content_hash(tried, budget, train.masks.tobytes(), evaluation.masks.tobytes())
