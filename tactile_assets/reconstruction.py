@@ -79,21 +79,25 @@ def unet(
     """The reconstruction net: an image of 1 to 10 touches in, a probability per pixel out.
 
     A U-Net with the best settings of the search, trained to the end on touches that are drawn
-    afresh all the time, with early stopping on the eval split. A training that was killed goes on
+    afresh all the time, half of them from the outline and half as rays make them, with early
+    stopping on the eval split. A training that was killed goes on
     after its last epoch.
     """
     from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.exploration.ray_touches import rays_and_outlines
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.search import with_best_trial
     from tactile_core.reconstruction.training import train_unet
 
     work = store.work("unet")
+    train = load_shapes(rotated_splits, outlines, "train")
     trained = train_unet(
-        load_shapes(rotated_splits, outlines, "train"),
+        train,
         load_shapes(rotated_splits, outlines, "eval"),
         with_best_trial(config, unet_search),
         work=work,
+        draw=rays_and_outlines(train, config.seed),
         progress=context.log.info,
     )
     return dg.MaterializeResult(
