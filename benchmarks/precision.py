@@ -1,0 +1,134 @@
+"""Does bfloat16 change the science? Jaccard indices of the same touches in both precisions."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.samples import CHANNELS, DEPTH, RESOLUTION, as_trained, meshes, shapes
+from benchmarks.timing import Pace, Row
+from tactile_core.dataset.camera import project
+from tactile_core.dataset.rasteriser import rasterise
+from tactile_core.dataset.shapes import Shapes, load_shapes
+from tactile_core.errors import TactileError
+from tactile_core.exploration.references import find_reference
+from tactile_core.exploration.state import Explorations
+from tactile_core.files import read_table
+from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.jaccard import jaccard_index
+from tactile_core.reconstruction.trained import TrainedUNet, load_unet
+from tactile_core.reconstruction.training import (
+    begin_training,
+    fixed_touch_sets,
+    images_of_sets,
+    train_epoch,
+)
+
+GOAL = 0.1  # points of the Jaccard index
+TOUCH_SETS, RAYS = 5, 10  # for each test shape
+MODELS, ROTATIONS, EPOCHS = 50, 3, 40  # each class, each model; about 15 seconds of training
+
+
+def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> pd.DataFrame:
+    """One row for each touch image: touches (how they were made), float32, bfloat16 (Jaccard)."""
+    unet, test = trained_and_test(pace, progress)
+    exact, rough = Reconstructor(unet, "float32"), Reconstructor(unet, "bfloat16")
+    tables = []
+    for name, images in {
+        "sets of 1 to 10 touches": touch_sets(test),
+        "touches of 1 to 10 rays": touches_of_rays(test, exact),
+    }.items():
+        wanted = np.concatenate([test.masks] * (len(images) // len(test)))
+        scores = [jaccard_index(r.predict(images), wanted) for r in (exact, rough)]
+        tables.append(pd.DataFrame({"touches": name, "float32": scores[0], "bfloat16": scores[1]}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def precision_rows(pairs: pd.DataFrame) -> list[Row]:
+    """Mean Jaccard indices of both precisions."""
+    rows = []
+    for name, some in pairs.groupby("touches"):
+        exact, rough = float(some["float32"].mean()), float(some["bfloat16"].mean())
+        rows.append(
+            Row(
+                f"Jaccard index, bfloat16 beside float32, {name}", rough, exact, "points",
+                rough / exact, f"difference < {GOAL}", abs(rough - exact) < GOAL,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def pair_summary(pairs: pd.DataFrame) -> pd.DataFrame:
+    """How far the two Jaccard indices of one touch image lie apart, in points."""
+    gaps = (pairs["bfloat16"] - pairs["float32"]).groupby(pairs["touches"])
+    sizes = (pairs["bfloat16"] - pairs["float32"]).abs().groupby(pairs["touches"])
+    summary = {
+        "pairs": gaps.size(),
+        "mean difference": gaps.mean(),
+        "mean of its size": sizes.mean(),
+        "95 % below": sizes.quantile(0.95),
+        "largest": sizes.max(),
+    }
+    return pd.DataFrame(summary).reset_index()
+
+
+def touch_sets(test: Shapes) -> np.ndarray:
+    """Uniform touch sets on each outline, as images (5 · N, R, R)."""
+    sets = [touches for seed in range(TOUCH_SETS) for touches in fixed_touch_sets(test, seed)]
+    return images_of_sets(sets, test.resolution)
+
+
+def touches_of_rays(test: Shapes, reconstructor: Reconstructor) -> np.ndarray:
+    """The touches held after each of ten rays of `even`, as images (10 · N, R, R)."""
+    policy = find_reference("even")
+    explorations = Explorations(test.masks, reconstructor)
+    images = []
+    for _ in range(RAYS):
+        explorations.cast(policy.choose(explorations, np.random.default_rng(0)))
+        images.append(explorations.touches.copy())
+    return np.concatenate(images)
+
+
+def trained_and_test(pace: Pace, progress: Callable[[str], None]) -> tuple[TrainedUNet, Shapes]:
+    """A trained U-Net and test shapes: the platform's own where it holds them."""
+    if not pace.quick:
+        try:
+            return from_platform()
+        except TactileError as error:
+            progress(f"a U-Net is trained on generated shapes to compare precisions: {error}")
+    return short_training(pace)
+
+
+def from_platform() -> tuple[TrainedUNet, Shapes]:
+    """The U-Net and the test split among the artifacts; `TactileError` where they are not."""
+    from tactile_assets.resources import Store
+
+    store = Store.from_environment()
+    unet = load_unet(store.path("unet"))
+    test = load_shapes(
+        read_table(store.path("rotated_splits.parquet")),
+        read_table(store.path("outlines.parquet")),
+        "test",
+    )
+    if unet.resolution != test.resolution:
+        raise TactileError("unet and rotated_splits are of different resolutions")
+    return unet, test
+
+
+def short_training(pace: Pace) -> tuple[TrainedUNet, Shapes]:
+    """A U-Net trained on most of some generated shapes, and the shapes of the other models."""
+    rng = np.random.default_rng(0)
+    all_meshes = meshes(4 if pace.quick else MODELS)
+    drawn = np.stack(
+        [
+            rasterise(project(mesh.vertices, angle, RESOLUTION), mesh.faces, RESOLUTION)
+            for mesh in all_meshes
+            for angle in rng.uniform(0, 360, ROTATIONS)
+        ]
+    )
+    held_out = (np.arange(len(drawn)) // ROTATIONS) % 5 == 0
+    train, test = shapes(drawn[~held_out]), shapes(drawn[held_out])
+    training = begin_training(DEPTH, CHANNELS, learning_rate=2e-3, seed=0)
+    for _ in range(EPOCHS):
+        train_epoch(training, train, batch_size=16)
+    return as_trained(training.net, RESOLUTION), test

@@ -1,0 +1,108 @@
+"""The U-Net: how near inference comes to the machine's limit, and how much faster it trains."""
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+from torch.utils.flop_counter import FlopCounterMode
+
+from benchmarks.samples import CHANNELS, DEPTH, RESOLUTION, masks, shapes, untrained
+from benchmarks.timing import Pace, Row, Work, alternated, at_least, rate
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.reconstruction.batches import outline_touches, training_batches
+from tactile_core.reconstruction.inference import Reconstructor, best_device
+from tactile_core.reconstruction.training import begin_training, train_epoch
+from tactile_core.reconstruction.unet import UNet
+from tactile_core.settings import PROFILES
+
+BATCH = PROFILES["laptop"].policies.environments
+TRAINING_BATCH = 32
+LEARNING_RATE = 1e-3
+PRODUCT_SIZES = {"cpu": (512, 1024, 2048), "cuda": (4096, 8192)}
+
+
+def unet_rows(pace: Pace) -> list[Row]:
+    """Inference as a share of the matrix-product rate, and training beside a plain loop."""
+    reconstructor = Reconstructor(untrained())
+    precision = str(reconstructor.dtype).removeprefix("torch.")
+    share = alternated(predictions(reconstructor), best_product(reconstructor.dtype), pace)
+    some = shapes(masks())
+    return [
+        at_least(
+            f"U-Net inference, batch {BATCH}, {precision}, beside a matrix product (share)",
+            share, "GFLOP/s", goal=0.6,
+        ),
+        at_least(
+            f"U-Net training, batch {TRAINING_BATCH}, beside a float32 loop",
+            alternated(our_training(some), plain_training(some), pace), "images/s", goal=2.5,
+        ),
+    ]  # fmt: skip
+
+
+def predictions(reconstructor: Reconstructor) -> Work:
+    """One batch through `predict`, with all that is around the net; counted in GFLOP."""
+    touches = np.zeros((BATCH, RESOLUTION, RESOLUTION), np.uint8)
+    touches[:, RESOLUTION // 2, RESOLUTION // 4 : 3 * RESOLUTION // 4 : 3] = 1
+    counter = FlopCounterMode(display=False)
+    with counter, torch.no_grad():
+        untrained().net()(torch.zeros(BATCH, 1, RESOLUTION, RESOLUTION))
+    billions = counter.get_total_flops() / 1e9
+
+    def work() -> float:
+        reconstructor.predict(touches)
+        return billions
+
+    return work
+
+
+def best_product(dtype: torch.dtype) -> Work:
+    """The square matrix product that this machine is quickest at; counted in GFLOP."""
+    works = [matrix_product(size, dtype) for size in PRODUCT_SIZES[best_device().type]]
+    for work in works:
+        work()
+    return max(works, key=lambda work: rate(work, 0.2))
+
+
+def matrix_product(size: int, dtype: torch.dtype) -> Work:
+    a = torch.randn(size, size, device=best_device()).to(dtype)
+    out = torch.empty_like(a)
+
+    def work() -> float:
+        torch.mm(a, a, out=out)
+        return 2 * size**3 / 1e9
+
+    return work
+
+
+def our_training(some: Shapes) -> Work:
+    """An epoch of `train_epoch`."""
+    training = begin_training(DEPTH, CHANNELS, LEARNING_RATE, seed=0)
+
+    def work() -> float:
+        train_epoch(training, some, TRAINING_BATCH, outline_touches(some))
+        return len(some)
+
+    return work
+
+
+def plain_training(some: Shapes) -> Work:
+    """The same epoch on the same batches as one writes it first: float32 in the usual layout."""
+    device = best_device()
+    torch.manual_seed(0)
+    net = UNet(DEPTH, CHANNELS).to(device)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=LEARNING_RATE, weight_decay=1e-4)
+    rng = np.random.default_rng(0)
+
+    def work() -> float:
+        for touches, labels in training_batches(some, TRAINING_BATCH, rng, outline_touches(some)):
+            inputs = torch.from_numpy(touches).to(device, torch.float32)[:, None]
+            wanted = torch.from_numpy(labels).to(device, torch.float32)[:, None]
+            loss = functional.binary_cross_entropy_with_logits(net(inputs), wanted)
+            optimizer.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+            optimizer.step()
+            loss.item()
+        return len(some)
+
+    return work
