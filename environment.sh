@@ -23,6 +23,10 @@ export DAGSTER_CLI_ASSET_LIST_MODULE_NAME=tactile_assets.definitions
 # The newer form, `dg launch --assets …`, serves as well; no need to hear of it each time.
 export PYTHONWARNINGS="${PYTHONWARNINGS:+$PYTHONWARNINGS,}ignore:Function \`asset_materialize_command"
 
+# Threads that wait without spinning: on a machine that is also busy otherwise, nets train many
+# times faster, and on an idle one about as fast.
+export OMP_WAIT_POLICY="${OMP_WAIT_POLICY:-PASSIVE}"
+
 # What runs on this machine stays on it; Ray writes no token into the user's home.
 export DAGSTER_DISABLE_TELEMETRY=yes
 export RAY_USAGE_STATS_ENABLED=0

@@ -39,7 +39,9 @@ class OneLine(logging.Formatter):
             text = ""
         else:
             text = about.get("orig_message", record.getMessage())
-            if record.levelno > logging.INFO:
+            if text.startswith("Dependencies for step"):  # one line for the failure is enough
+                text = ""
+            elif record.levelno > logging.INFO:
                 text = f"{record.levelname.lower()}: {text}"
         return f"{self.formatTime(record, '%H:%M:%S')}  {step:{WIDTH}}  {text}" if text else ""
 

@@ -57,7 +57,7 @@ def begin_training(depth: int, channels: int, learning_rate: float, seed: int) -
     torch.manual_seed(seed)
     device = best_device()
     net = place(UNet(depth, channels), device)
-    optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4, fused=True)
     return Training(net, optimizer, np.random.default_rng(seed), device)
 
 
