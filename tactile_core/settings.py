@@ -123,12 +123,12 @@ class PolicySettings(Settings):
         description="Training approaches, by name.",
     )
     seeds: list[int] = Field([0], min_length=1, description="One training for each seed.")
-    steps_per_stage: int = Field(40_960, ge=1, description="Rays cast per training stage.")
+    steps_per_stage: int = Field(65_536, ge=1, description="Rays cast per training stage.")
     environments: int = Field(32, ge=1, description="Environments stepped as one batch.")
     rays_per_rollout: int = Field(
         16, ge=1, description="Rays in each environment between two PPO updates."
     )
-    batch_size: int = Field(128, ge=2, description="PPO minibatch size.")
+    batch_size: int = Field(256, ge=2, description="PPO minibatch size.")
     epochs: int = Field(4, ge=1, description="PPO epochs per update.")
     learning_rate: float = Field(1e-3, gt=0, description="PPO learning rate.")
     reward_scale: float = Field(

@@ -6,7 +6,6 @@ only, both windings count, and a triangle without area covers nothing. All arith
 snapping is in integers, so the result is exact.
 """
 
-
 import numpy as np
 
 from tactile_core.compiled import compiled

@@ -14,6 +14,7 @@ from stable_baselines3.common.logger import Logger, configure
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.approaches import Approach
+from tactile_core.exploration.features import WindowCNN
 from tactile_core.exploration.vec_env import BatchedTactileEnv
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import PolicySettings
@@ -78,6 +79,7 @@ def new_model(env: BatchedTactileEnv, settings: PolicySettings, seed: int) -> PP
     return PPO(
         "CnnPolicy",
         env,
+        policy_kwargs={"features_extractor_class": WindowCNN},
         learning_rate=settings.learning_rate,
         n_steps=settings.rays_per_rollout,
         batch_size=settings.batch_size,

@@ -1,0 +1,34 @@
+"""What PPO's CnnPolicy reads from an observation."""
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.torch_layers import NatureCNN
+from torch import Tensor
+
+MARGIN = 6  # pixels of empty space kept around the part that a shape can reach
+
+
+class WindowCNN(NatureCNN):
+    """SB3's NatureCNN on the middle of the image, where alone there is anything to see.
+
+    No shape leaves the middle half of the image (see `reconstruction.unet`): convolving the
+    empty rest would take most of the time of an update.
+    """
+
+    def __init__(
+        self,
+        observation_space: spaces.Box,
+        features_dim: int = 512,
+        normalized_image: bool = False,
+    ) -> None:
+        channels, resolution, _ = observation_space.shape
+        # NatureCNN needs 36 pixels at least.
+        margin = max(0, min(resolution // 4 - MARGIN, (resolution - 36) // 2))
+        side = resolution - 2 * margin
+        window = spaces.Box(0, 255, (channels, side, side), np.uint8)
+        super().__init__(window, features_dim, normalized_image)
+        self.margin = margin
+
+    def forward(self, observations: Tensor) -> Tensor:
+        end = observations.shape[-1] - self.margin
+        return super().forward(observations[..., self.margin : end, self.margin : end])
