@@ -194,7 +194,7 @@ PROFILES = {
         per_step=EvaluationSettings(resamples=200),
         per_grasp=EvaluationSettings(resamples=200, deterministic=False, ray_limit=60),
     ),
-    "laptop": Profile(name="laptop"),
+    "laptop": Profile(name="laptop", search=SearchSettings(samples_per_epoch=1024)),
     "paper": Profile(
         name="paper",
         masks=MaskSettings(resolution=256),
