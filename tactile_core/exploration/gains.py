@@ -26,6 +26,7 @@ from tactile_core.settings import PolicySettings
 
 RAYS = 10  # in an episode
 REPLAY = 8192  # states kept to learn from
+REPLAY_ARRAYS = ("images", "rays", "gains", "known")
 UPDATE_STATES = 64
 CURVE = ("loss", "reward", "jaccard", "touches")
 POINTS = 10.0  # Jaccard points per unit of value
@@ -55,6 +56,18 @@ class Replay:
         self.images[slots], self.rays[slots] = images, rays
         self.gains[slots], self.known[slots] = gains, known
         self.seen += len(images)
+
+    def state(self) -> dict[str, Any]:
+        """What was added: most of the arrays may still be empty, and they are large."""
+        filled = min(self.seen, REPLAY)
+        arrays = {name: getattr(self, name)[:filled] for name in REPLAY_ARRAYS}
+        return {"seen": self.seen, "arrays": arrays}
+
+    def load_state(self, saved: dict[str, Any]) -> None:
+        """Go on from what `state` returned."""
+        self.seen = saved["seen"]
+        for name, array in saved["arrays"].items():
+            getattr(self, name)[: len(array)] = array
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Slots of `UPDATE_STATES` states, uniformly."""
@@ -239,7 +252,7 @@ class GainLearner:
             "rng": self.rng.bit_generator.state,
             "explorations": self.explorations.get_state(),
             "lengths": self.lengths,
-            "replay": vars(self.replay),
+            "replay": self.replay.state(),
             "curve": self.curve,
             "recent": self.recent,
             "iteration": self.iteration,
@@ -251,6 +264,6 @@ class GainLearner:
             getattr(self, name).load_state_dict(saved[name])
         self.rng.bit_generator.state = saved["rng"]
         self.explorations.set_state(saved["explorations"])
-        vars(self.replay).update(saved["replay"])
+        self.replay.load_state(saved["replay"])
         for name in ("lengths", "curve", "recent", "iteration"):
             setattr(self, name, saved[name])

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 import safetensors.torch
 import torch
+from safetensors import SafetensorError
 from stable_baselines3 import PPO
 from upath import UPath
 
@@ -85,19 +86,27 @@ def load_policy(directory: UPath, resolution: int) -> Policy:
     try:
         about = json.loads((directory / "settings.json").read_bytes())
         stored = (directory / (SCORER_FILE if is_scorer(about) else PPO_FILE)).read_bytes()
+        policy = scorer_policy(about, stored) if is_scorer(about) else ppo_policy(about, stored)
+        trained_at = about["resolution"]
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
-    except ValueError as error:
+    except (ValueError, KeyError, RuntimeError, SafetensorError) as error:
         raise TactileError(f"{directory} is damaged: materialise policies again") from error
-    if about["resolution"] != resolution:
+    if trained_at != resolution:
         raise TactileError(
-            f"{directory} was trained at resolution {about['resolution']}, the U-Net is at "
+            f"{directory} was trained at resolution {trained_at}, the U-Net is at "
             f"{resolution}: materialise policies again"
         )
-    if is_scorer(about):
-        net = RayScorer().to(best_device()).eval()
-        net.load_state_dict(safetensors.torch.load(stored))
-        return ScorerPolicy(about["approach"], about["seed"], net)
+    return policy
+
+
+def scorer_policy(about: dict[str, Any], stored: bytes) -> Policy:
+    net = RayScorer().to(best_device()).eval()
+    net.load_state_dict(safetensors.torch.load(stored))
+    return ScorerPolicy(about["approach"], about["seed"], net)
+
+
+def ppo_policy(about: dict[str, Any], stored: bytes) -> Policy:
     model = PPO.load(io.BytesIO(stored), device=best_device())
     model.policy.set_training_mode(False)
     return PPOPolicy(about["approach"], about["seed"], model)
