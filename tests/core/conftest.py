@@ -41,8 +41,8 @@ def shapes(tmp_path_factory) -> dict[str, Shapes]:
 
 @pytest.fixture(scope="session")
 def small_shapes(tmp_path_factory) -> dict[str, Shapes]:
-    """The same shapes at resolution 32."""
-    return shapes_of(tmp_path_factory.mktemp("meshes"), 32)
+    """The same shapes at the lowest resolution, 48."""
+    return shapes_of(tmp_path_factory.mktemp("meshes"), 48)
 
 
 @pytest.fixture(scope="session")

@@ -124,7 +124,7 @@ def test_a_search_that_was_killed_repeats_no_epoch_and_ends_the_same(search, tab
 
 
 def test_a_trial_that_fails_is_told_and_left_out(search, tmp_path):
-    """Depth 6 cannot halve the 16-pixel window of resolution 32 five times."""
+    """Depth 6 cannot halve the 24-pixel window of resolution 48 five times."""
     said = []
     some = SETTINGS.model_copy(update={"epochs": 1, "trials": 2, "depths": [1, 6], "seed": 1})
     table = search(tmp_path / "work", some, said.append)
