@@ -79,16 +79,18 @@ def no_model_in_two_splits(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
 
 @dg.asset_check(asset="rotated_splits")
 def classes_are_balanced(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
-    """Each class has the same share of every split, to within one model or 5 %."""
+    """Every split has every class, in equal shares to within one model or 5 %."""
     models = rotated_splits.drop_duplicates("model_id")
     by_split = pd.crosstab(models["split"], models["category"])
     sizes = by_split.sum(axis=1)
-    overall = models["category"].value_counts(normalize=True)
-    off = by_split.div(sizes, axis=0).sub(overall, axis=1).abs()
-    allowed = np.maximum(0.05, 1 / sizes)
+    shares = models["category"].value_counts(normalize=True)
+    off = by_split.apply(lambda row: (row - sizes[row.name] * shares).abs(), axis=1)
+    allowed = np.maximum(1, 0.05 * sizes)
     return dg.AssetCheckResult(
-        passed=len(by_split) == 3 and not off.gt(allowed, axis=0).any(axis=None),
-        description=f"shares differ by {100 * off.max(axis=None):.1f} % at most",
+        passed=len(by_split) == 3
+        and bool((by_split > 0).all(axis=None))
+        and not off.gt(allowed, axis=0).any(axis=None),
+        description=f"splits are {off.max(axis=None):.1f} models off equal shares at most",
         metadata={"models": counts(models, "split", "category")},
     )
 

@@ -1,0 +1,50 @@
+"""The platform in the smoke profile, run once with the plain command, on a real instance."""
+
+import os
+
+# Read once, when tactile_assets is imported.
+os.environ["TACTILE_PROFILE"] = "smoke"
+os.environ.pop("TACTILE_SHAPENET", None)
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import dagster as dg
+import pytest
+
+from tests.assets.running import Platform, run_whole_chain
+
+
+@pytest.fixture
+def platform(tmp_path) -> Iterator[Platform]:
+    """An empty home."""
+    (tmp_path / "dagster").mkdir()
+    with dg.DagsterInstance.from_config(str(tmp_path / "dagster")) as instance:
+        yield Platform(tmp_path, instance)
+
+
+@pytest.fixture(scope="session")
+def home(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture(scope="session")
+def finished(home) -> subprocess.CompletedProcess:
+    """The whole tiny chain, run with the literal command."""
+    return run_whole_chain("dagster asset materialize --select '*'", home)
+
+
+@pytest.fixture(scope="session")
+def chain(home, finished) -> Iterator[Platform]:
+    """What the finished run left behind; not to be changed."""
+    with dg.DagsterInstance.from_config(str(home / "dagster")) as instance:
+        yield Platform(home, instance)
+
+
+@pytest.fixture
+def copy_of_chain(chain, platform) -> Platform:
+    """A home with the artifacts of the finished run, and no history."""
+    shutil.copytree(chain.home / "artifacts", platform.home / "artifacts")
+    return platform

@@ -1,0 +1,112 @@
+"""Ways to run the platform: with the plain commands, and in this process."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import dagster as dg
+
+from tactile_assets.definitions import defs
+from tactile_assets.resources import REPOSITORY, Store
+
+# Smaller even than the smoke profile, where only the way through matters.
+TINY = {
+    "shapenet_meshes": {"procedural_models": {"mug": 6, "bottle": 6}},
+    "masks": {"renderer": "rasteriser"},
+    "unet_search": {"trials": 1, "epochs": 1},
+    "unet": {"epochs": 2},
+    "policies": {"approaches": ["total", "gain"], "steps_per_stage": 256, "gain_iterations": 3},
+    "per_step_evaluation": {"references": ["random", "even", "oracle"], "resamples": 20},
+    "per_grasp_evaluation": {"references": ["random", "oracle"], "resamples": 20},
+}
+ALL = [spec.key.to_user_string() for spec in defs.resolve_all_asset_specs()]
+
+
+def run_config(**settings: dict[str, Any]) -> dict[str, Any]:
+    """Run config of the tiny chain, with `settings` (asset → fields) over it."""
+    ops = {asset: {**TINY.get(asset, {}), **settings.get(asset, {})} for asset in ALL}
+    return {"ops": {asset: {"config": fields} for asset, fields in ops.items() if fields}}
+
+
+def shell(command: str, home: Path, **variables: str) -> subprocess.CompletedProcess:
+    """Run a command as in a shell where .venv/bin/activate was sourced and nothing exported."""
+    binaries = Path(sys.executable).parent
+    environment = {
+        "PATH": f"{binaries}:/usr/local/bin:/usr/bin:/bin",
+        "HOME": os.environ["HOME"],
+        # Only the folder above it counts; the tests may run in an environment elsewhere.
+        "VIRTUAL_ENV": str(REPOSITORY / "tests"),
+        "TACTILE_HOME": str(home),
+        "TACTILE_PROFILE": "smoke",
+        **variables,
+    }
+    return subprocess.run(
+        ["bash", "-c", f". ./environment.sh && {command}"],
+        cwd=REPOSITORY,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=280,
+    )
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A home with its Dagster instance, and ways to run assets there in this process."""
+
+    home: Path
+    instance: dg.DagsterInstance
+
+    @property
+    def store(self) -> Store:
+        return Store(home=str(self.home), artifacts=str(self.home / "artifacts"))
+
+    def materialise(
+        self, *assets: str, config: dict[str, Any] | None = None, raise_on_error: bool = True
+    ) -> dg.ExecuteInProcessResult:
+        """Materialise assets, with their checks."""
+        return dg.materialize(
+            [*defs.assets, *defs.asset_checks],
+            selection=dg.AssetSelection.assets(*assets),
+            instance=self.instance,
+            resources={**defs.resources, "store": self.store},
+            run_config=config if config is not None else run_for(assets),
+            raise_on_error=raise_on_error,
+        )
+
+    def check(self, *assets: str) -> dg.ExecuteInProcessResult:
+        """Run the checks of assets alone."""
+        return dg.materialize(
+            [*defs.assets, *defs.asset_checks],
+            selection=dg.AssetSelection.checks_for_assets(*map(dg.AssetKey, assets)),
+            instance=self.instance,
+            resources={**defs.resources, "store": self.store},
+            raise_on_error=False,
+        )
+
+    def data_versions(self, assets: list[str]) -> dict[str, str]:
+        """The data version of each asset's latest materialisation."""
+        versions = {}
+        for asset in assets:
+            event = self.instance.get_latest_materialization_event(dg.AssetKey(asset))
+            assert event is not None and event.asset_materialization is not None
+            versions[asset] = event.asset_materialization.tags["dagster/data_version"]
+        return versions
+
+
+def run_for(assets: tuple[str, ...], **settings: dict[str, Any]) -> dict[str, Any]:
+    """The part of the tiny run config that concerns `assets`."""
+    ops = run_config(**settings)["ops"]
+    return {"ops": {asset: ops[asset] for asset in assets if asset in ops}}
+
+
+def run_whole_chain(command: str, home: Path) -> subprocess.CompletedProcess:
+    config = home / "tiny.yaml"
+    config.write_text(json.dumps(run_config()))
+    done = shell(f"{command} -c {config}", home)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done

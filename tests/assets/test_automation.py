@@ -1,0 +1,95 @@
+"""One tick of everything that runs by itself, on a real instance."""
+
+import dagster as dg
+import pytest
+
+from tactile_assets import automation
+from tactile_assets.definitions import defs
+from tests.assets.running import Platform, shell
+
+EVALUATIONS = {"reconstruction_evaluation", "per_step_evaluation", "per_grasp_evaluation"}
+
+
+def test_the_schedule_asks_for_the_whole_chain_once_a_week_and_is_off(platform):
+    schedule = automation.weekly
+    assert schedule.cron_schedule == "0 3 * * 1"
+    assert schedule.default_status == dg.DefaultScheduleStatus.STOPPED
+    with dg.build_schedule_context(platform.instance) as context:
+        tick = schedule.evaluate_tick(context)
+    assert len(tick.run_requests) == 1
+    assert schedule.job_name == "whole_chain"
+    assert len(defs.resolve_job_def("whole_chain").asset_layer.executable_asset_keys) == 11
+
+
+def test_the_environment_sets_when_the_schedule_runs(tmp_path):
+    code = "from tactile_assets.automation import weekly; print(weekly.cron_schedule)"
+    done = shell(f'python -c "{code}"', tmp_path, TACTILE_CRON="30 5 * * *")
+    assert done.stdout.strip() == "30 5 * * *", done.stderr
+
+
+@pytest.fixture
+def source(tmp_path, monkeypatch):
+    """A folder of meshes that the sensor watches."""
+    for category in ("mug", "bottle"):
+        (tmp_path / "meshes" / category).mkdir(parents=True)
+        (tmp_path / "meshes" / category / "one.obj").write_text("v 0 0 0\n")
+    meshes = automation.PROFILE.meshes.model_copy(update={"location": str(tmp_path / "meshes")})
+    profile = automation.PROFILE.model_copy(update={"meshes": meshes})
+    monkeypatch.setattr(automation, "PROFILE", profile)
+    return tmp_path / "meshes"
+
+
+def look(platform: Platform, cursor: str | None = None):
+    with dg.build_sensor_context(platform.instance, cursor=cursor, definitions=defs) as context:
+        return automation.source_changes.evaluate_tick(context)
+
+
+def test_the_sensor_asks_for_a_run_only_when_the_source_changes(platform, source):
+    first = look(platform)
+    assert not first.run_requests and first.cursor
+    unchanged = look(platform, first.cursor)
+    assert not unchanged.run_requests and "has not changed" in unchanged.skip_message
+    (source / "mug" / "two.obj").write_text("v 1 1 1\n")
+    changed = look(platform, first.cursor)
+    assert len(changed.run_requests) == 1
+    assert changed.cursor not in (None, first.cursor)
+    assert not look(platform, changed.cursor).run_requests
+
+
+def test_the_sensor_says_why_it_has_nothing_to_watch(platform):
+    assert "TACTILE_SHAPENET names no source" in look(platform).skip_message
+
+
+def requested(platform: Platform, cursor=None) -> tuple[set[str], object]:
+    """Assets that one tick of the automation conditions asks for, and the tick's cursor."""
+    tick = dg.evaluate_automation_conditions(
+        defs,
+        platform.instance,
+        asset_selection=dg.AssetSelection.assets(*EVALUATIONS),
+        cursor=cursor,
+    )
+    keys = {asset for asset in EVALUATIONS if tick.get_num_requested(dg.AssetKey(asset))}
+    return keys, tick.cursor
+
+
+def report(platform: Platform, *assets: str) -> None:
+    """Record materialisations, as a run of these assets alone would."""
+    for asset in assets:
+        platform.instance.report_runless_asset_event(dg.AssetMaterialization(asset))
+
+
+def test_evaluations_follow_new_policies_and_a_new_unet(platform):
+    everything = [key.path[-1] for key in defs.resolve_asset_graph().get_all_asset_keys()]
+    report(platform, *everything)
+    _, cursor = requested(platform)
+    quiet, cursor = requested(platform, cursor)
+    assert quiet == set()
+    report(platform, "policies")
+    after_policies, cursor = requested(platform, cursor)
+    assert after_policies == {"per_step_evaluation", "per_grasp_evaluation"}
+    report(platform, "per_step_evaluation", "per_grasp_evaluation")
+    quiet, cursor = requested(platform, cursor)
+    assert quiet == set()
+    report(platform, "unet")
+    after_unet, _ = requested(platform, cursor)
+    assert after_unet == EVALUATIONS

@@ -1,0 +1,146 @@
+"""The whole chain, from the plain command to what lies in the store and in the event log."""
+
+import json
+
+import dagster as dg
+import pytest
+
+from tactile_assets.io_managers import PolicyIndex
+from tactile_core.errors import TactileError
+from tactile_core.files import content_hash, read_table
+from tests.assets.running import ALL, run_whole_chain, shell
+
+TABLES = [asset for asset in ALL if asset not in ("unet", "policies")]
+
+
+def metadata(platform, asset):
+    event = platform.instance.get_latest_materialization_event(dg.AssetKey(asset))
+    return event.asset_materialization.metadata
+
+
+def test_every_step_says_what_it_does_in_one_line(finished):
+    lines = finished.stderr.splitlines()
+    assert any("masks " in line and "12 masks rendered" in line for line in lines)
+    assert any("policies[total_0]" in line and "256/256 rays" in line for line in lines)
+    assert any("check no_model_in_two_splits passed" in line for line in lines)
+    assert not any("DEBUG" in line or "Warning" in line or "Loading file" in line for line in lines)
+    assert max(map(len, lines)) < 250
+
+
+def test_artifacts_are_plain_files_under_their_names(chain):
+    artifacts = chain.home / "artifacts"
+    for asset in TABLES:
+        assert len(read_table(artifacts / f"{asset}.parquet")), asset
+    names = {path.name for path in (artifacts / "unet").iterdir()}
+    assert names == {"model.safetensors", "settings.json", "curve.parquet"}
+    assert set(json.loads((artifacts / "policies" / "index.json").read_text())) == {
+        "total-0",
+        "gain-0",
+    }
+    assert (artifacts / "policies" / "total-0" / "policy.zip").is_file()
+    assert not list(artifacts.rglob("*.part"))
+
+
+def test_each_data_version_is_a_hash_of_what_is_stored(chain):
+    versions = chain.data_versions(ALL)
+    for asset in ("masks", "per_step_evaluation"):
+        table = read_table(chain.store.path(f"{asset}.parquet"))
+        from tactile_core.files import table_hash
+
+        assert versions[asset] == table_hash(table)
+    index = json.loads(chain.store.path("policies", "index.json").read_text())
+    assert versions["policies"] == content_hash(sorted(index.items()))
+    assert all(len(version) == 16 for version in versions.values())
+
+
+def test_metadata_tells_each_assets_story(chain):
+    pictures = {
+        "masks": "sheet",
+        "tactile_samples": "sheet",
+        "unet_search": "trials_drawn",
+        "unet": "learning_curve",
+        "reconstruction_evaluation": "examples",
+        "policies": "training_curves",
+        "per_step_evaluation": "curves",
+        "per_grasp_evaluation": "curves",
+    }
+    for asset, name in pictures.items():
+        text = metadata(chain, asset)[name].value
+        assert text.startswith("![") and "data:image/png;base64," in text, asset
+        assert len(text) < 300_000, asset
+    assert metadata(chain, "shapenet_meshes")["meshes"].value == 12
+    assert "oracle" in metadata(chain, "per_step_evaluation")["jaccard"].value
+    assert "data:image/gif" in metadata(chain, "per_step_evaluation")["animation"].value
+
+
+def test_figures_lie_in_the_store(chain):
+    figures = chain.home / "artifacts" / "figures"
+    assert (figures / "figure_4.png").read_bytes().startswith(b"\x89PNG")
+    assert (figures / "figure_5.png").read_bytes().startswith(b"\x89PNG")
+    assert (figures / "run.gif").read_bytes().startswith(b"GIF8")
+
+
+def test_the_results_are_printed_with_where_to_look_further(chain):
+    done = shell("python -m tactile_assets.results", chain.home)
+    assert done.returncode == 0, done.stderr
+    for text in ("Table II", "Per step", "Per grasp", "oracle", "gain", "make ui"):
+        assert text in done.stdout
+    assert str(chain.home / "artifacts" / "figures") in done.stdout
+
+
+def test_results_that_are_not_there_are_missed_in_one_line(tmp_path):
+    done = shell("python -m tactile_assets.results", tmp_path)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1 and "materialise" in done.stderr
+
+
+def test_a_second_run_elsewhere_gives_equal_data_versions(chain, tmp_path):
+    run_whole_chain("dg launch --assets '*'", tmp_path)
+    with dg.DagsterInstance.from_config(str(tmp_path / "dagster")) as instance:
+        again = type(chain)(tmp_path, instance).data_versions(ALL)
+    assert again == chain.data_versions(ALL)
+
+
+def test_policies_are_trained_again_from_what_is_stored(copy_of_chain):
+    index = copy_of_chain.store.path("policies", "index.json")
+    index.unlink()
+    done = shell("dagster asset materialize --select policies", copy_of_chain.home)
+    assert done.returncode == 0, done.stderr
+    trained = set(json.loads(index.read_text()))
+    assert trained == {"diff-0", "total-0", "total_miss-0", "pre_diff_miss-0", "gain-0"}
+
+
+def test_approaches_that_are_not_trained_any_more_leave_the_index(copy_of_chain):
+    settings = {"approaches": ["total"], "steps_per_stage": 256}
+    copy_of_chain.materialise("policies", config={"ops": {"policies": {"config": settings}}})
+    manager = PolicyIndex(base_path=copy_of_chain.store.path())
+    with dg.build_input_context(asset_key=dg.AssetKey("policies")) as context:
+        paths = manager.load_input(context)
+    assert [path.name for path in paths] == ["total-0"]
+    assert copy_of_chain.store.path("policies", "gain-0").is_dir()
+
+
+def test_unchanged_masks_are_not_rendered_again(copy_of_chain):
+    result = copy_of_chain.materialise("masks")
+    messages = [event.user_message for event in copy_of_chain.instance.all_logs(result.run_id)]
+    assert any("0 masks rendered, 12 unchanged" in message for message in messages)
+
+
+def test_a_missing_upstream_asset_is_named(platform):
+    with pytest.raises(TactileError, match=r"shapenet_meshes\.parquet is missing: materialise"):
+        platform.materialise("masks")
+
+
+def test_a_store_elsewhere_is_used(tmp_path):
+    store = f"file://{tmp_path}/elsewhere"
+    config = json.dumps(
+        {"ops": {"shapenet_meshes": {"config": {"procedural_models": {"mug": 3, "bottle": 3}}}}}
+    )
+    done = shell(
+        f"dagster asset materialize --select shapenet_meshes --config-json '{config}'",
+        tmp_path / "home",
+        TACTILE_STORE=store,
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(read_table(tmp_path / "elsewhere" / "shapenet_meshes.parquet")) == 6
+    assert not (tmp_path / "home" / "artifacts").exists()

@@ -1,0 +1,125 @@
+"""Checks pass on what the chain stored, and fail where something is wrong with it."""
+
+import dagster as dg
+import numpy as np
+import pandas as pd
+import pytest
+
+from tactile_assets import checks
+from tactile_core.dataset.pictures import decode_masks, encode_mask
+from tactile_core.files import read_table, write_table
+
+
+def evaluation(result, check):
+    [found] = [e for e in result.get_asset_check_evaluations() if e.check_name == check]
+    return found
+
+
+def test_checks_of_the_finished_run_passed_where_training_length_does_not_matter(finished):
+    for name in (
+        "meshes_are_usable",
+        "masks_lie_inside_the_circle",
+        "samples_lie_inside_the_circle",
+        "no_model_in_two_splits",
+        "classes_are_balanced",
+        "touches_lie_on_outlines",
+        "a_unet_can_overfit",
+    ):
+        assert f"check {name} passed" in finished.stderr
+
+
+def test_a_leak_between_splits_stops_the_run_before_outlines(copy_of_chain, monkeypatch):
+    from tactile_core.dataset import splits
+
+    rotate = splits.rotate_splits
+
+    def leak(*arguments, **named):
+        table = rotate(*arguments, **named)
+        train = table[table["split"] == "train"].iloc[[0]]
+        return pd.concat([table, train.assign(split="test", sample_id="leak-r0")])
+
+    monkeypatch.setattr(splits, "rotate_splits", leak)
+    result = copy_of_chain.materialise("rotated_splits", "outlines", raise_on_error=False)
+    assert not result.success
+    leaked = evaluation(result, "no_model_in_two_splits")
+    assert not leaked.passed and "1 models" in leaked.description
+    assert result.get_step_success_events()
+    assert "outlines" not in {event.step_key for event in result.get_step_success_events()}
+
+
+def test_one_mesh_under_two_names_is_a_leak_too(chain):
+    table = read_table(chain.store.path("rotated_splits.parquet"))
+    assert checks.no_model_in_two_splits(table).passed
+    train = table.loc[table["split"] == "train", "content_hash"].iloc[0]
+    test = table["split"] == "test"
+    copied = table.assign(content_hash=table["content_hash"].where(~test, train))
+    assert not checks.no_model_in_two_splits(copied).passed
+
+
+def test_a_class_that_is_missing_from_a_split_is_unbalanced(chain):
+    table = read_table(chain.store.path("rotated_splits.parquet"))
+    assert checks.classes_are_balanced(table).passed
+    lacking = table[(table["split"] != "train") | (table["category"] != "mug")]
+    assert not checks.classes_are_balanced(lacking).passed
+
+
+@pytest.mark.parametrize("fault", ["empty", "outside"])
+def test_masks_that_no_ray_could_explore_are_found(chain, fault):
+    table = read_table(chain.store.path("masks.parquet"))
+    assert checks.masks_lie_inside_the_circle(table).passed
+    mask = np.zeros_like(decode_masks(table["mask"])[0])
+    if fault == "outside":
+        mask[0, 0] = True
+    pictures = [encode_mask(mask), *table["mask"][1:]]
+    result = checks.masks_lie_inside_the_circle(table.assign(mask=pictures))
+    assert not result.passed
+    assert table["model_id"][0] in result.metadata["first"].value
+
+
+def test_touches_off_the_outline_and_touches_made_twice_are_found(chain):
+    touches = read_table(chain.store.path("tactile_samples.parquet"))
+    outlines = read_table(chain.store.path("outlines.parquet"))
+    assert checks.touches_lie_on_outlines(touches, outlines).passed
+    for wrong in (np.zeros((1, 2), np.int16), np.repeat(touches["touches"][0][:1], 2, axis=0)):
+        changed = touches.copy()
+        changed.at[0, "touches"] = wrong
+        assert not checks.touches_lie_on_outlines(changed, outlines).passed
+
+
+def test_meshes_set_aside_are_counted_with_their_reasons(chain):
+    table = read_table(chain.store.path("shapenet_meshes.parquet"))
+    table.loc[0, "status"] = "has no faces"
+    result = checks.meshes_are_usable(table)
+    assert not result.passed and result.severity == dg.AssetCheckSeverity.WARN
+    assert result.description == "1 of 12 meshes set aside"
+    assert "has no faces" in result.metadata["reasons"].value
+
+
+def test_a_unet_worse_than_the_mean_shape_is_found(chain):
+    table = read_table(chain.store.path("reconstruction_evaluation.parquet"))
+    splits = read_table(chain.store.path("rotated_splits.parquet"))
+    outlines = read_table(chain.store.path("outlines.parquet"))
+    for jaccard, passed in ((99.0, True), (1.0, False)):
+        result = checks.the_unet_beats_the_mean_shape(
+            table.assign(jaccard=jaccard), splits, outlines
+        )
+        assert result.passed == passed
+
+
+def test_policies_no_better_than_random_are_found_and_only_warn_in_smoke(chain):
+    table = read_table(chain.store.path("per_step_evaluation.parquet"))
+    trained = table["policy"].isin(["total", "gain"])
+    better = table.assign(jaccard=np.where(trained, 90.0, 50.0))
+    assert checks.trained_policies_beat_random(better).passed
+    worse = better.assign(jaccard=better["jaccard"].where(table["policy"] != "gain", 49.0))
+    result = checks.trained_policies_beat_random(worse)
+    assert not result.passed and result.severity == dg.AssetCheckSeverity.WARN
+    assert result.description == "1 of 2 policies do not beat random (50.0)"
+
+
+def test_checks_can_be_run_alone_on_what_is_stored(copy_of_chain):
+    table = read_table(copy_of_chain.store.path("rotated_splits.parquet"))
+    leaked = table.assign(model_id="one")
+    write_table(leaked, copy_of_chain.store.path("rotated_splits.parquet"))
+    result = copy_of_chain.check("rotated_splits")
+    assert not evaluation(result, "no_model_in_two_splits").passed

@@ -1,0 +1,127 @@
+"""The page that shows the whole platform, and the plain commands that read it."""
+
+import subprocess
+import sys
+
+import dagster as dg
+import pytest
+
+from tactile_assets.config import PROFILE
+from tactile_assets.dataset import MaskConfig
+from tactile_assets.definitions import defs
+from tactile_assets.exploration import PolicyConfig
+from tactile_assets.resources import REPOSITORY
+from tactile_core.errors import TactileError
+from tactile_core.settings import MaskSettings
+from tests.assets.running import shell
+
+IN_ORDER = [
+    "shapenet_meshes",
+    "masks",
+    "rotated_splits",
+    "outlines",
+    "tactile_samples",
+    "unet_search",
+    "unet",
+    "reconstruction_evaluation",
+    "policies",
+    "per_step_evaluation",
+    "per_grasp_evaluation",
+]
+SPECS = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_specs()}
+
+
+def test_the_eleven_assets_have_the_keys_and_the_order_of_the_design():
+    assert sorted(SPECS) == sorted(IN_ORDER)
+    for position, asset in enumerate(IN_ORDER):
+        upstream = {dep.asset_key.to_user_string() for dep in SPECS[asset].deps}
+        assert upstream <= set(IN_ORDER[:position]), asset
+
+
+@pytest.mark.parametrize("asset", IN_ORDER)
+def test_every_asset_says_what_it_is(asset):
+    spec = SPECS[asset]
+    assert spec.description and len(spec.description) > 100
+    assert spec.group_name in {"dataset", "reconstruction", "exploration", "evaluation"}
+    assert spec.owners and 1 <= len(spec.kinds) <= 3
+    assert spec.code_version
+
+
+def test_loading_the_definitions_imports_nothing_heavy():
+    heavy = ("torch", "ray", "numba", "matplotlib", "scipy", "skimage", "trimesh", "gymnasium")
+    code = (
+        f"import sys, tactile_assets.definitions; print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_run_config_has_the_profiles_values_and_the_cores_bounds():
+    assert PolicyConfig().steps_per_stage == PROFILE.policies.steps_per_stage == 512
+    schema = MaskConfig.model_json_schema()["properties"]["resolution"]
+    bounds = MaskSettings.model_json_schema()["properties"]["resolution"]
+    assert schema["minimum"] == bounds["minimum"]
+    assert schema["description"] == bounds["description"]
+
+
+def test_a_value_out_of_bounds_is_refused_in_one_line():
+    with pytest.raises(TactileError) as caught:
+        MaskConfig(resolution=65)
+    assert str(caught.value) == "resolution = 65: Input should be a multiple of 16"
+
+
+def test_a_config_is_a_setting_of_the_core():
+    assert MaskConfig(resolution=96).model_dump() == MaskSettings(resolution=96).model_dump()
+
+
+def test_changed_settings_of_a_stage_change_its_code_version_alone():
+    from tactile_assets.config import code_version
+
+    other = PROFILE.unet.model_copy(update={"epochs": PROFILE.unet.epochs + 1})
+    assert code_version(1, PROFILE.unet) == SPECS["unet"].code_version
+    assert code_version(1, other) != code_version(1, PROFILE.unet) != code_version(2, PROFILE.unet)
+
+
+@pytest.mark.parametrize(
+    ("command", "answer"),
+    [
+        ("dagster asset list", "per_grasp_evaluation"),
+        ("dagster definitions validate", "All code locations passed validation"),
+        ("dg list defs", "shapenet_meshes"),
+    ],
+)
+def test_the_plain_commands_work_where_nothing_is_exported(command, answer, tmp_path):
+    done = shell(command, tmp_path / "home")
+    assert done.returncode == 0, done.stderr
+    assert answer in done.stdout + done.stderr
+
+
+def test_activation_honours_a_home_that_is_set_and_makes_it_absolute(tmp_path):
+    done = shell("cd / && echo $DAGSTER_HOME; env | grep DAGSTER_MODULE_NAME", tmp_path / "here")
+    assert done.stdout.split() == [str(tmp_path / "here" / "dagster")]
+    assert (tmp_path / "here" / "dagster" / "dagster.yaml").is_file()
+
+
+def test_an_unknown_profile_is_refused_with_the_names_of_the_known_ones(tmp_path):
+    done = shell("dagster asset list", tmp_path / "home", TACTILE_PROFILE="large")
+    assert done.returncode != 0
+    assert "TACTILE_PROFILE='large' is unknown: choose one of smoke, laptop, paper" in done.stderr
+
+
+def test_all_checks_of_the_issue_are_defined():
+    names = {key.name for check in defs.asset_checks for key in check.check_keys}
+    assert names == {
+        "meshes_are_usable",
+        "masks_lie_inside_the_circle",
+        "samples_lie_inside_the_circle",
+        "no_model_in_two_splits",
+        "classes_are_balanced",
+        "touches_lie_on_outlines",
+        "a_unet_can_overfit",
+        "the_unet_beats_the_mean_shape",
+        "trained_policies_beat_random",
+    }
+    [leak] = [check for check in defs.asset_checks for spec in check.check_specs if spec.blocking]
+    assert {key.asset_key for key in leak.check_keys} == {dg.AssetKey("rotated_splits")}

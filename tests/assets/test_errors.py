@@ -1,0 +1,85 @@
+"""What a user reads when something is wrong: one clear line that says what to do."""
+
+import json
+import zipfile
+
+import pytest
+
+from tests.assets.running import shell
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+
+
+def failure(home, select: str, config: dict | None = None, **variables: str) -> str:
+    """What a failing command says beyond which step started; it must be one line."""
+    command = f"dagster asset materialize --select {select}"
+    if config:
+        command += f" --config-json '{json.dumps({'ops': config})}'"
+    done = shell(command, home, **variables)
+    assert done.returncode == 1
+    lines = [line for line in done.stderr.splitlines() if "FAILED" in line]
+    assert len(lines) == 1, done.stderr
+    assert "Traceback" not in done.stderr and "Stack Trace" not in done.stderr
+    return lines[0].partition("FAILED: ")[2]
+
+
+def test_an_unknown_approach_names_the_known_ones(tmp_path):
+    said = failure(tmp_path, "policies", {"policies": {"config": {"approaches": ["tottal"]}}})
+    assert said.startswith("approach 'tottal' is unknown: choose from diff, total, total_miss")
+
+
+def test_a_wrong_resolution_names_the_field_and_the_bound(copy_of_chain):
+    said = failure(copy_of_chain.home, "masks", {"masks": {"config": {"resolution": 65}}})
+    assert said == "resolution = 65: Input should be a multiple of 16"
+
+
+def test_a_missing_upstream_table_says_what_to_materialise(tmp_path):
+    said = failure(tmp_path, "outlines")
+    assert "rotated_splits.parquet is missing: materialise the asset that writes it" in said
+
+
+def zipped(path, **members: str) -> None:
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, text in members.items():
+            archive.writestr(name, text)
+
+
+@pytest.fixture
+def shapenet(tmp_path):
+    """A folder with one good archive for each synset."""
+    folder = tmp_path / "shapenet"
+    folder.mkdir()
+    for synset in ("03797390", "02876657"):
+        zipped(folder / f"{synset}.zip", **{f"{synset}/a{synset}/models/model_normalized.obj": OBJ})
+    return folder
+
+
+def test_a_missing_synset_is_named(shapenet, tmp_path):
+    (shapenet / "03797390.zip").unlink()
+    said = failure(tmp_path / "home", "shapenet_meshes", TACTILE_SHAPENET=str(shapenet))
+    assert "mug" in said and "03797390" in said
+
+
+def test_a_corrupted_archive_is_named(shapenet, tmp_path):
+    (shapenet / "03797390.zip").write_bytes(b"PK\x03\x04 and then nothing")
+    said = failure(tmp_path / "home", "shapenet_meshes", TACTILE_SHAPENET=str(shapenet))
+    assert "03797390.zip" in said
+
+
+def test_an_archive_with_paths_that_escape_is_refused(shapenet, tmp_path):
+    zipped(shapenet / "03797390.zip", **{"03797390/../../evil.obj": OBJ})
+    said = failure(tmp_path / "home", "shapenet_meshes", TACTILE_SHAPENET=str(shapenet))
+    assert "03797390.zip is refused" in said and "leads out of its folder" in said
+
+
+def test_a_mesh_with_nan_is_set_aside_and_the_run_goes_on(shapenet, tmp_path):
+    good = {f"03797390/{name}/models/model_normalized.obj": OBJ for name in ("a", "b")}
+    bad = {"03797390/c/models/model_normalized.obj": OBJ.replace("v 1 0 0", "v nan 0 0")}
+    zipped(shapenet / "03797390.zip", **good, **bad)
+    done = shell(
+        "dagster asset materialize --select shapenet_meshes",
+        tmp_path / "home",
+        TACTILE_SHAPENET=str(shapenet),
+    )
+    assert done.returncode == 0, done.stderr
+    assert "check meshes_are_usable WARN not passed: 1 of 4 meshes set aside" in done.stderr

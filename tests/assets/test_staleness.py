@@ -1,0 +1,58 @@
+"""What is fresh and what is stale after a change, as the UI shows it."""
+
+import shutil
+
+import dagster as dg
+from dagster._core.definitions.data_version import CachingStaleStatusResolver, StaleStatus
+from dagster._core.loader import LoadingContextForTest
+
+from tactile_assets.config import PROFILE, code_version
+from tactile_assets.definitions import defs
+from tests.assets.running import ALL, Platform, run_for
+
+
+def stale(platform: Platform, definitions: dg.Definitions) -> set[str]:
+    """The assets that are not fresh."""
+    graph = definitions.get_repository_def().asset_graph
+    context = LoadingContextForTest(platform.instance)
+    resolver = CachingStaleStatusResolver(platform.instance, graph, context)
+    return {asset for asset in ALL if resolver.get_status(dg.AssetKey(asset)) != StaleStatus.FRESH}
+
+
+def with_another_setting_of_unet() -> dg.Definitions:
+    """The definitions as they load with one setting of the U-Net changed in the profile."""
+    changed = PROFILE.unet.model_copy(update={"patience": PROFILE.unet.patience + 1})
+
+    def update(spec: dg.AssetSpec) -> dg.AssetSpec:
+        return spec.replace_attributes(code_version=code_version(1, changed))
+
+    return defs.map_resolved_asset_specs(func=update, selection="unet")
+
+
+def test_nothing_is_stale_after_a_run(chain):
+    assert stale(chain, defs) == set()
+
+
+def test_a_changed_setting_makes_its_own_asset_stale_and_nothing_upstream(chain):
+    assert stale(chain, with_another_setting_of_unet()) == {"unet"}
+
+
+def test_another_unet_makes_what_lies_downstream_stale(chain, tmp_path):
+    shutil.copytree(chain.home, tmp_path / "home")
+    with dg.DagsterInstance.from_config(str(tmp_path / "home" / "dagster")) as instance:
+        copy = Platform(tmp_path / "home", instance)
+        copy.materialise("unet", config=run_for(("unet",), unet={"epochs": 1}))
+        assert stale(copy, defs) == {
+            "policies",
+            "reconstruction_evaluation",
+            "per_step_evaluation",
+            "per_grasp_evaluation",
+        }
+
+
+def test_equal_data_leaves_everything_fresh(chain, tmp_path):
+    shutil.copytree(chain.home, tmp_path / "home")
+    with dg.DagsterInstance.from_config(str(tmp_path / "home" / "dagster")) as instance:
+        copy = Platform(tmp_path / "home", instance)
+        copy.materialise("outlines")
+        assert stale(copy, defs) == set()
