@@ -2,9 +2,11 @@
 
 import subprocess
 import sys
+import tomllib
 
 import dagster as dg
 import pytest
+import yaml
 
 from tactile_assets.config import PROFILE
 from tactile_assets.dataset import MaskConfig
@@ -96,6 +98,14 @@ def test_the_plain_commands_work_where_nothing_is_exported(command, answer, tmp_
     done = shell(command, tmp_path / "home")
     assert done.returncode == 0, done.stderr
     assert answer in done.stdout + done.stderr
+
+
+def test_the_code_location_has_one_name_whichever_file_names_it():
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["dg"]["project"]
+    workspace = yaml.safe_load((REPOSITORY / "workspace.yaml").read_text())
+    module = workspace["load_from"][0]["python_module"]
+    assert module["location_name"] == project["code_location_name"]
+    assert module["module_name"] == project["code_location_target_module"]
 
 
 def test_activation_honours_a_home_that_is_set_and_makes_it_absolute(tmp_path):
