@@ -57,10 +57,17 @@ def test_each_level_has_twice_the_channels_of_the_one_above():
 
 
 def test_every_level_has_a_say_in_the_output():
-    """A skip connection left out would leave weights without a gradient."""
     net = UNet(4, 4)
     net(touched(64)).sum().backward()
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
+
+
+def test_what_a_level_saw_reaches_the_output_past_the_deeper_ones():
+    net = trained_a_little()
+    for raise_ in net.raise_:
+        torch.nn.init.zeros_(raise_.weight)
+        torch.nn.init.zeros_(raise_.bias)
+    assert not torch.equal(net(touched(64)), net(torch.zeros(2, 1, 64, 64)))
 
 
 @pytest.mark.parametrize(("resolution", "depth"), [(48, 5), (64, 7), (80, 5)])
