@@ -36,7 +36,7 @@ def run_trial(
     """
     # Ray hands out whole processors; more threads than those only get in each other's way.
     share = tune.get_context().get_trial_resources().required_resources
-    torch.set_num_threads(max(1, int(share["CPU"])))
+    torch.set_num_threads(max(1, min(torch.get_num_threads(), int(share["CPU"]))))
     depth, channels = int(config["depth"]), int(config["channels"])
     training = begin_training(depth, channels, float(config["learning_rate"]), settings.seed)
     touch_sets = fixed_touch_sets(evaluation, settings.seed)
