@@ -19,6 +19,9 @@ from tactile_core.reconstruction.training import (
 from tactile_core.reconstruction.trial import trial_key
 from tactile_core.settings import SearchSettings, UNetSettings
 
+# HpBandSter uses names that ConfigSpace is about to drop.
+pytestmark = pytest.mark.filterwarnings("ignore:Please use:DeprecationWarning")
+
 # Of four trials, HyperBand pauses all after one epoch, resumes two, and one goes to the end.
 SETTINGS = SearchSettings(
     trials=4,
