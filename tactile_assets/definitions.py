@@ -58,6 +58,7 @@ defs = dg.Definitions(
         "tables": io_managers.tables,
         "unets": io_managers.unets,
         "policy_index": io_managers.policy_index,
+        "io_manager": io_managers.steps,
     },
     executor=EXECUTOR,
     loggers={"console": console.console},

@@ -1,6 +1,7 @@
 """How asset values become files, in formats that a user can open without this code."""
 
 import json
+import pickle
 from typing import TYPE_CHECKING, Any
 
 import dagster as dg
@@ -61,6 +62,20 @@ class PolicyIndex(dg.UPathIOManager):
         return [path / name for name in names]
 
 
+class Steps(dg.UPathIOManager):
+    """What the steps inside an asset hand each other, by run: small, and of no use afterwards.
+
+    It lies in the store, so that steps may run on several machines.
+    """
+
+    def dump_to_path(self, context: dg.OutputContext, obj: Any, path: UPath) -> None:
+        with written_whole(path) as file:
+            pickle.dump(obj, file)
+
+    def load_from_path(self, context: dg.InputContext, path: UPath) -> Any:
+        return pickle.loads(path.read_bytes())
+
+
 @dg.io_manager(required_resource_keys={"store"})
 def tables(context: dg.InitResourceContext) -> Tables:
     return Tables(base_path=context.resources.store.path())
@@ -74,3 +89,8 @@ def unets(context: dg.InitResourceContext) -> UNets:
 @dg.io_manager(required_resource_keys={"store"})
 def policy_index(context: dg.InitResourceContext) -> PolicyIndex:
     return PolicyIndex(base_path=context.resources.store.path())
+
+
+@dg.io_manager(required_resource_keys={"store"})
+def steps(context: dg.InitResourceContext) -> Steps:
+    return Steps(base_path=context.resources.store.path("steps"))

@@ -37,6 +37,8 @@ def test_a_training_that_breaks_off_is_tried_again_on_its_own(copy_of_chain, fai
     failing.error = OSError("the disk was away")
     result = copy_of_chain.materialise("policies", config=ONE)
     assert result.success
+    # What its steps handed each other lies in the store, where other machines could read it.
+    assert list(copy_of_chain.store.path("steps", result.run_id).rglob("total_3"))
     assert retries(result) == ["policies.train_policy[total_3]"]
 
 
