@@ -36,12 +36,13 @@ class Training(NamedTuple):
 @dg.op(out=dg.DynamicOut(Training, description="One for each approach and seed."))
 def plan_trainings(config: PolicyConfig) -> Iterator[dg.DynamicOutput[Training]]:
     """Which policies to train; refuses approaches that are not known before any is trained."""
-    from tactile_core.exploration.approaches import find_approach
+    from tactile_core.exploration.approaches import APPROACHES, find_approach
 
     settings = PolicySettings(**config.model_dump())
-    for approach in dict.fromkeys(settings.approaches):
+    approaches = dict.fromkeys(settings.approaches or APPROACHES)
+    for approach in approaches:
         find_approach(approach)
-    for approach in dict.fromkeys(settings.approaches):
+    for approach in approaches:
         for seed in dict.fromkeys(settings.seeds):
             yield dg.DynamicOutput(
                 Training(approach, seed, settings), mapping_key=f"{approach}_{seed}"

@@ -124,9 +124,7 @@ class PolicySettings(Settings):
     """PPO training of the policies (report, section VI.B)."""
 
     approaches: list[str] = Field(
-        ["diff", "total", "total_miss", "pre_diff_miss", "gain"],
-        min_length=1,
-        description="Training approaches, by name.",
+        [], description="Training approaches, by name; empty: every one there is."
     )
     seeds: list[int] = Field([0], min_length=1, description="One training for each seed.")
     steps_per_stage: int = Field(65_536, ge=1, description="Rays cast per training stage.")

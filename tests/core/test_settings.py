@@ -4,14 +4,15 @@ import pytest
 from pydantic import ValidationError
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration.approaches import find_approach
+from tactile_core.exploration.approaches import APPROACHES, find_approach
 from tactile_core.exploration.references import find_reference
 from tactile_core.settings import PROFILES, MaskSettings, active_profile
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
 def test_every_profile_names_approaches_and_references_that_exist(profile):
-    assert [find_approach(name).name for name in profile.policies.approaches]
+    names = profile.policies.approaches or list(APPROACHES)
+    assert [find_approach(name).name for name in names] == names
     for evaluation in (profile.per_step, profile.per_grasp):
         assert [find_reference(name).name for name in evaluation.references]
 
