@@ -40,9 +40,10 @@ def plan_trainings(config: PolicyConfig) -> Iterator[dg.DynamicOutput[Training]]
 
     settings = PolicySettings(**config.model_dump())
     approaches = dict.fromkeys(settings.approaches or APPROACHES)
-    for approach in approaches:
-        find_approach(approach)
-    for approach in approaches:
+    recipes = [find_approach(approach) for approach in approaches]
+    # The longest first: begun last, one would be left to train alone on one core.
+    recipes.sort(key=lambda recipe: (recipe.learner == "ppo", -len(recipe.stages)))
+    for approach in (recipe.name for recipe in recipes):
         for seed in dict.fromkeys(settings.seeds):
             yield dg.DynamicOutput(
                 Training(approach, seed, settings), mapping_key=f"{approach}_{seed}"

@@ -127,7 +127,7 @@ class PolicySettings(Settings):
         [], description="Training approaches, by name; empty: every one there is."
     )
     seeds: list[int] = Field([0], min_length=1, description="One training for each seed.")
-    steps_per_stage: int = Field(65_536, ge=1, description="Rays cast per training stage.")
+    steps_per_stage: int = Field(49_152, ge=1, description="Rays cast per training stage.")
     environments: int = Field(32, ge=1, description="Environments stepped as one batch.")
     rays_per_rollout: int = Field(
         16, ge=1, description="Rays in each environment between two PPO updates."

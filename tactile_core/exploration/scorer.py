@@ -16,6 +16,7 @@ from torch.nn import functional
 from tactile_core.exploration.circle import frozen, middle
 from tactile_core.exploration.rays import candidate_rays, ray_ends
 from tactile_core.exploration.state import Explorations, to_grey
+from tactile_core.reconstruction.inference import bfloat16_pays
 
 CHANNELS = 3  # reconstruction, touches, free space
 SAMPLES = 40
@@ -45,7 +46,9 @@ class RayScorer(nn.Module):
 def score(net: RayScorer, images: np.ndarray, rays: np.ndarray) -> Tensor:
     """Values (N, candidates), with gradients, of images (N, 3, R, R) uint8 and rays cast (N,)."""
     device = net.value.weight.device
-    return net(torch.from_numpy(images).to(device), torch.from_numpy(rays).to(device))
+    with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16_pays(device.type)):
+        values = net(torch.from_numpy(images).to(device), torch.from_numpy(rays).to(device))
+    return values.float()
 
 
 @torch.inference_mode()
