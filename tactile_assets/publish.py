@@ -123,7 +123,8 @@ def readme_results(folder: Path = RESULTS / "laptop") -> str:
     about = json.loads((folder / "run.json").read_text())
     parts = [
         f"`{about['command']}` at commit {about['commit']} on {about['machine']}, "
-        f"{about['started']}: {about['minutes']} minutes; {about['test samples']} test samples.",
+        f"{about['started']}: {about['minutes']} minutes; {about['test samples']} test samples. "
+        f"{about.get('note', '')}".strip(),
         "**Hyperparameters** (the report's Table I)",
         table_of(folder / "hyperparameters.csv"),
         "**Reconstruction** (Table II)",
@@ -137,7 +138,7 @@ def readme_results(folder: Path = RESULTS / "laptop") -> str:
 
 
 def table_of(file: Path) -> str:
-    return markdown_table(pd.read_csv(file, dtype=str, keep_default_na=False))
+    return markdown_table(pd.read_csv(file, dtype=str, keep_default_na=False)).strip()
 
 
 def with_results(readme: str, results: str) -> str:
