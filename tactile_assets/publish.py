@@ -58,11 +58,11 @@ def publish(name: str) -> None:
         "per_grasp_curve": grasps[0],
         "per_grasp_summary": grasps[1],
     }
+    about = run_facts(per_step)  # before anything is written: the commit must not look changed
     for title, table in tables.items():
         table.to_csv(folder / f"{title}.csv", index=False, float_format="%.4f")
     for figure in FIGURES:
         (folder / figure).write_bytes(store.path("figures", figure).read_bytes())
-    about = run_facts(per_step)
     (folder / "run.json").write_text(json.dumps(about, indent=2, ensure_ascii=False) + "\n")
     print(f"Published to {folder}")
 
