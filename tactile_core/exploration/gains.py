@@ -130,7 +130,7 @@ def train_scorer(
 ) -> tuple[RayScorer, pd.DataFrame]:
     """Train a scorer on its own explorations of the train shapes and their mirror images.
 
-    Returns it with its curve, twenty rows: stage (0), steps (rays cast), loss, reward (mean
+    Returns it with its curve, about twenty rows: stage (0), steps (rays cast), loss, reward (mean
     gain of a ray, Jaccard points), jaccard (0–100) and touches at the end of episodes. `work`
     holds a checkpoint: a training that was killed and starts again with the same `key` goes
     on from there, to the same scorer.

@@ -173,7 +173,10 @@ def train_unet(
     rate, batch_size, depth, channels = required(settings)
     training = begin_training(depth, channels, rate, settings.seed)
     touch_sets = fixed_touch_sets(evaluation, settings.seed)
-    key = content_hash(settings.model_dump(), train.masks.tobytes(), evaluation.masks.tobytes())
+    drawn = draw.__qualname__ if draw else None
+    key = content_hash(
+        settings.model_dump(), drawn, train.masks.tobytes(), evaluation.masks.tobytes()
+    )
     checkpoint = work / "checkpoint.pt"
     curve: list[dict[str, float]] = []
     best: dict[str, Any] = {}
