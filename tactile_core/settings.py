@@ -1,8 +1,9 @@
 """Every setting of the platform, written once: one model per stage, and the three profiles.
 
 The Dagster layer mixes these models into its run config, so bounds and descriptions appear
-in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop or paper) and
-`TACTILE_SHAPENET` (where the meshes come from; unset: generated mugs and bottles).
+in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop or paper), `TACTILE_SHAPENET`
+(where the meshes come from; unset: generated mugs and bottles) and `TACTILE_REAL` (real meshes
+to evaluate on besides).
 """
 
 import os
@@ -166,6 +167,9 @@ class Profile(Settings):
     """The settings of all stages for one kind of machine."""
 
     name: str
+    real: str | None = Field(
+        None, description="Folder or URL of real meshes to evaluate on besides, as `location`."
+    )
     meshes: MeshSettings = MeshSettings()
     masks: MaskSettings = MaskSettings()
     splits: SplitSettings = SplitSettings()
@@ -230,7 +234,8 @@ PROFILES = {
 
 
 def active_profile(environ: Mapping[str, str] = os.environ) -> Profile:
-    """The profile that `TACTILE_PROFILE` names (default laptop); `TACTILE_SHAPENET` applied."""
+    """The profile that `TACTILE_PROFILE` names (default laptop), with `TACTILE_SHAPENET` and
+    `TACTILE_REAL` applied."""
     name = environ.get("TACTILE_PROFILE") or "laptop"
     if name not in PROFILES:
         raise TactileError(
@@ -239,4 +244,6 @@ def active_profile(environ: Mapping[str, str] = os.environ) -> Profile:
     profile = PROFILES[name]
     location = environ.get("TACTILE_SHAPENET") or None
     meshes = profile.meshes.model_copy(update={"location": location})
-    return profile.model_copy(update={"meshes": meshes})
+    return profile.model_copy(
+        update={"meshes": meshes, "real": environ.get("TACTILE_REAL") or None}
+    )

@@ -34,6 +34,8 @@ def test_the_environment_names_the_profile_and_where_meshes_come_from():
     chosen = active_profile({"TACTILE_PROFILE": "smoke", "TACTILE_SHAPENET": "/data/shapenet"})
     assert (chosen.name, chosen.meshes.location) == ("smoke", "/data/shapenet")
     assert active_profile({"TACTILE_SHAPENET": ""}).meshes.location is None
+    assert active_profile({"TACTILE_REAL": "/data/scans"}).real == "/data/scans"
+    assert active_profile({"TACTILE_REAL": ""}).real is None
 
 
 def test_an_unknown_profile_is_refused_with_the_known_ones():
