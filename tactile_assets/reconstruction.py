@@ -97,7 +97,7 @@ def unet(
         load_shapes(rotated_splits, outlines, "eval"),
         with_best_trial(config, unet_search),
         work=work,
-        draw=rays_and_outlines(train, config.seed),
+        draw=rays_and_outlines(train, config.seed, config.free_space),
         progress=context.log.info,
     )
     return dg.MaterializeResult(

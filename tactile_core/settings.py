@@ -118,6 +118,10 @@ class UNetSettings(Settings):
     patience: int = Field(
         8, ge=1, description="Stop after so many epochs without a better eval loss."
     )
+    free_space: bool = Field(
+        False,
+        description="Show the U-Net where rays have passed, too; the report's sees touches only.",
+    )
     seed: int = SEED
 
 

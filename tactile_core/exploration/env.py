@@ -89,7 +89,8 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
         self.index = int(self.np_random.integers(len(self.masks)))
         self.mask = self.masks[self.index]
         self.touches = np.zeros(self.mask.shape, np.uint8)
-        self.prediction = self.reconstructor.predict(self.touches[None])[0]
+        self.felt = np.zeros(self.mask.shape, np.int8)
+        self.prediction = self.reconstructor.predict(self.felt[None])[0]
         self.jaccard = float(jaccard_index(self.prediction, self.mask))
         self.rays = 0
         self.last_ray: tuple[np.ndarray, np.ndarray] | None = None
@@ -105,9 +106,12 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
         repeated = not missed and bool(self.touches[touch])
         before = self.jaccard if self.rays else 0.0
         self.rays += 1
+        if self.reconstructor.free_space:
+            passed = met[0] if len(met) else None
+            self.felt[rows[:passed], columns[:passed]] = -1
         if not missed:
-            self.touches[touch] = 1
-        self.prediction = self.reconstructor.predict(self.touches[None])[0]
+            self.touches[touch] = self.felt[touch] = 1
+        self.prediction = self.reconstructor.predict(self.felt[None])[0]
         self.jaccard = float(jaccard_index(self.prediction, self.mask))
         cast = Cast(
             touches=np.array([touch], np.int16),

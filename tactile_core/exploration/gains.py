@@ -17,7 +17,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.exploration.rays import candidate_rays, cast_rays
+from tactile_core.exploration.rays import candidate_rays
 from tactile_core.exploration.scorer import RayScorer, ray_values, score, scorer_images
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor, best_device
@@ -29,7 +29,9 @@ REPLAY = 8192  # states kept to learn from
 REPLAY_ARRAYS = ("images", "rays", "gains", "known")
 UPDATE_STATES = 64
 CURVE = ("loss", "reward", "jaccard", "touches")
-POINTS = 10.0  # Jaccard points per unit of value
+# One unit of value at the first ray, in Jaccard points. Later rays add less, about as one over
+# their number, and their unit shrinks with it: else the net would learn only the first ones.
+POINTS = 15.0
 ITERATIONS_PER_CHECKPOINT = 50
 # Most candidate rays miss or repeat; at full weight they would drown what there is to gain.
 WASTED_WEIGHT = 0.2
@@ -80,34 +82,35 @@ def find_gains(
     """What candidate rays would add to the Jaccard index: gains (N, C) float32 in points and
     which of them are known, (N, C) bool.
 
-    The U-Net is asked about `tries` of each exploration's possible new touches; every ray that
-    leads to one of them shares its gain. Rays that miss or repeat are known to gain 0.
+    The U-Net is asked about `tries` of each exploration's possible new touches, by one ray each.
+    Where it sees touches only, every ray that leads to one of them shares its gain, and rays that
+    miss or repeat are known to gain 0. Where it sees free space, the way there matters as well: it
+    is asked about half as many rays that miss or repeat, and only the rays tried are known.
     """
-    resolution = explorations.resolution
-    candidates = candidate_rays(resolution).reshape(-1, 2)
+    owners, rays, hits, touches = explorations.try_candidates()
+    new = touches >= 0
+    some = rng.permutation(np.flatnonzero(new))
+    ways = some[np.unique(touches[some], return_index=True)[1]]  # a ray for each new touch
+    tried = ways[first_of_each(owners[ways], rng.permutation(len(ways)), tries)]
+    free_space = explorations.reconstructor.free_space
+    if free_space:
+        wasted = np.flatnonzero(~new)
+        order = rng.permutation(len(wasted))
+        others = wasted[first_of_each(owners[wasted], order, tries // 2)]
+        tried = np.concatenate([tried, others])
+    felt = explorations.felt_after(owners[tried], rays[tried], hits[tried])
+    predictions = explorations.reconstructor.predict(felt)
+    gain = jaccard_index(predictions, explorations.masks[owners[tried]])
+    gain -= explorations.jaccard[owners[tried]]
+    gains, known = np.zeros(len(rays), np.float32), ~new
+    if free_space:
+        gains[tried], known = gain, np.isin(np.arange(len(rays)), tried)
+    elif len(tried):
+        place = np.searchsorted(touches[tried], touches).clip(max=len(tried) - 1)
+        shared = new & (touches[tried][place] == touches)
+        gains[shared], known = gain[place[shared]], known | shared
     count = len(explorations)
-    owners = np.repeat(np.arange(count), len(candidates))
-    hits = cast_rays(explorations.masks, np.tile(candidates, (count, 1)), owners)
-    rows, columns = hits.T.astype(int)
-    new = (rows >= 0) & (explorations.touches[owners, rows, columns] == 0)
-    # A touch is named by its exploration and its pixel; rays that share it share the name.
-    names = (owners * resolution + rows) * resolution + columns
-    touches, ray_touch = np.unique(names[new], return_inverse=True)
-    owner = touches // resolution**2
-    tried = first_of_each(owner, rng.permutation(len(touches)), tries)
-    pixels = touches[tried] % resolution**2
-    images = explorations.touches[owner[tried]]
-    images.reshape(len(tried), -1)[np.arange(len(tried)), pixels] = 1
-    after = jaccard_index(
-        explorations.reconstructor.predict(images), explorations.masks[owner[tried]]
-    )
-    gain = np.full(len(touches), np.nan, np.float32)
-    gain[tried] = after - explorations.jaccard[owner[tried]]
-    gains = np.zeros(len(owners), np.float32)
-    gains[new] = gain[ray_touch]
-    known = ~np.isnan(gains)
-    shape = count, len(candidates)
-    return np.nan_to_num(gains).reshape(shape), known.reshape(shape)
+    return gains.reshape(count, -1), known.reshape(count, -1)
 
 
 def first_of_each(owner: np.ndarray, order: np.ndarray, most: int) -> np.ndarray:
@@ -214,10 +217,12 @@ class GainLearner:
         """One gradient step on states drawn from the replay; returns the loss."""
         slots = self.replay.draw(self.rng)
         values = score(self.net, self.replay.images[slots], self.replay.rays[slots])
-        gains = torch.from_numpy(self.replay.gains[slots]).to(self.device)
+        units = POINTS / (1 + self.replay.rays[slots, None])
+        gains = torch.from_numpy((self.replay.gains[slots] / units).astype(np.float32))
+        gains = gains.to(self.device)
         known = torch.from_numpy(self.replay.known[slots]).to(self.device)
         weights = known * torch.where(gains == 0, WASTED_WEIGHT, 1.0)
-        loss = (weights * (values - gains / POINTS).square()).sum() / weights.sum()
+        loss = (weights * (values - gains).square()).sum() / weights.sum()
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)

@@ -40,12 +40,16 @@ def ray_ends(rays: np.ndarray, resolution: int) -> np.ndarray:
     return circle_pixels(resolution)[np.asarray(rays)].reshape(-1, 4)
 
 
-def mark_free(free: np.ndarray, rays: np.ndarray, touches: np.ndarray) -> None:
+def mark_free(free: np.ndarray, rays: np.ndarray, touches: np.ndarray) -> np.ndarray:
     """Set to 1, in place, the pixels that each ray crossed before its touch (all for a miss).
 
     free : (N, R, R) uint8; rays : (N, 2) int; touches : (N, 2) int16 as from `cast_rays`
+
+    Returns how many pixels were not known to be free before, (N,) int.
     """
-    _mark_free(free, ray_ends(rays, free.shape[-1]), touches)
+    found = np.zeros(len(rays), int)
+    _mark_free(free, ray_ends(rays, free.shape[-1]), touches, found)
+    return found
 
 
 @functools.cache
@@ -92,13 +96,14 @@ def _first_hits(
 
 
 @compiled
-def _mark_free(free: np.ndarray, ends: np.ndarray, touches: np.ndarray) -> None:
+def _mark_free(free: np.ndarray, ends: np.ndarray, touches: np.ndarray, found: np.ndarray) -> None:
     for ray in range(len(ends)):
         row, column, last_row, last_column = ends[ray]
         walk = _begin(row, column, last_row, last_column)
         for _ in range(walk[0] + 1):
             if walk[1] == touches[ray, 0] and walk[2] == touches[ray, 1]:
                 break
+            found[ray] += 1 - free[ray, walk[1], walk[2]]
             free[ray, walk[1], walk[2]] = 1
             walk = _advance(walk)
 

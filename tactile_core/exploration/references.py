@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.circle import angle_index, circle_pixels, middle
-from tactile_core.exploration.rays import candidate_rays, cast_rays, pixels_along
+from tactile_core.exploration.rays import candidate_rays, pixels_along
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.jaccard import THRESHOLD, jaccard_index
 
@@ -117,34 +117,32 @@ def _most_uncertain(probabilities: np.ndarray, lines: np.ndarray) -> int:
 
 
 def oracle(explorations: Explorations, rng: np.random.Generator) -> np.ndarray:
-    """The candidate ray whose touch raises the true Jaccard index most: it knows the mask."""
-    candidates = candidate_rays(explorations.resolution).reshape(-1, 2)
-    rays = np.tile(candidates, (len(explorations), 1))
-    owners = np.repeat(np.arange(len(explorations)), len(candidates))
-    hits = cast_rays(explorations.masks, rays, owners)
-    rows, columns = hits.T
-    new = (rows >= 0) & (explorations.touches[owners, rows, columns] == 0)
-    places = (owners * explorations.resolution + rows) * explorations.resolution + columns
-    _, first = np.unique(places[new], return_index=True)
-    tried = np.flatnonzero(new)[first]  # one ray for each new touch
-    gains = _jaccard_with(explorations, owners[tried], hits[tried])
-    best = np.zeros(len(explorations), int)
+    """The candidate ray whose touch raises the true Jaccard index most: it knows the mask.
+
+    Of the rays that lead to one touch it tries the first.
+    """
+    owners, rays, hits, touches = explorations.try_candidates()
+    new = np.flatnonzero(touches >= 0)
+    tried = new[np.unique(touches[new], return_index=True)[1]]  # one ray for each new touch
+    gains = _jaccard_with(explorations, owners[tried], rays[tried], hits[tried])
+    best = np.arange(len(explorations)) * (len(rays) // len(explorations))
     order = np.lexsort((-gains, owners[tried]))
     which, position = np.unique(owners[tried][order], return_index=True)
-    best[which] = tried[order][position] % len(candidates)
-    return candidates[best]
+    best[which] = tried[order][position]
+    return rays[best]
 
 
-def _jaccard_with(explorations: Explorations, owners: np.ndarray, hits: np.ndarray) -> np.ndarray:
-    """Jaccard index (T,) of explorations `owners` (T,) if each held the touch `hits` (T, 2)."""
+def _jaccard_with(
+    explorations: Explorations, owners: np.ndarray, rays: np.ndarray, hits: np.ndarray
+) -> np.ndarray:
+    """Jaccard index (T,) of explorations `owners` (T,) had each cast one ray (T, 2) more."""
     portion = max(1, PIXELS_AT_A_TIME // explorations.resolution**2)
     scores = []
     for start in range(0, len(owners), portion):
-        some, touches = owners[start : start + portion], hits[start : start + portion]
-        images = explorations.touches[some]
-        images[np.arange(len(some)), touches[:, 0], touches[:, 1]] = 1
-        predictions = explorations.reconstructor.predict(images)
-        scores.append(jaccard_index(predictions, explorations.masks[some]))
+        some = slice(start, start + portion)
+        felt = explorations.felt_after(owners[some], rays[some], hits[some])
+        predictions = explorations.reconstructor.predict(felt)
+        scores.append(jaccard_index(predictions, explorations.masks[owners[some]]))
     return np.concatenate(scores) if scores else np.zeros(0, np.float32)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_core.exploration.rays import cast_rays, mark_free
+from tactile_core.exploration.rays import candidate_rays, cast_rays, mark_free
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.jaccard import jaccard_index
 
@@ -74,26 +74,61 @@ class Explorations:
     def cast(self, rays: np.ndarray) -> Cast:
         """Cast one ray (alpha, beta) in each exploration, (N, 2) int, and reconstruct.
 
-        Only explorations that gained a touch pass through the U-Net: nothing changed for
-        the others, whose ray missed or repeated a touch.
+        Only explorations in which more was felt pass through the U-Net: those that gained a
+        touch and, where the U-Net sees free space, those whose ray passed through new pixels.
         """
         touches = cast_rays(self.masks, rays)
-        mark_free(self.free, rays, touches)
+        freed = mark_free(self.free, rays, touches)
         missed = touches[:, 0] < 0
         rows, columns = touches.T
         repeated = ~missed & (self.touches[np.arange(len(self)), rows, columns] == 1)
-        gained = np.flatnonzero(~missed & ~repeated)
+        new = ~missed & ~repeated
+        gained = np.flatnonzero(new)
         before = np.where(self.rays == 0, np.float32(0), self.jaccard)
         self.rays += 1
         self.held[gained] += 1
         self.wasted += 1
         self.wasted[gained] = 0
         self.touches[gained, rows[gained], columns[gained]] = 1
-        if len(gained):
-            predictions = self.reconstructor.predict(self.touches[gained])
-            self.predictions[gained] = predictions
-            self.jaccard[gained] = jaccard_index(predictions, self.masks[gained])
+        changed = new | (freed > 0) if self.reconstructor.free_space else new
+        if changed.any():
+            predictions = self.reconstructor.predict(self.felt(changed))
+            self.predictions[changed] = predictions
+            self.jaccard[changed] = jaccard_index(predictions, self.masks[changed])
         return Cast(touches, missed, repeated, before, self.jaccard.copy())
+
+    def felt(self, which: np.ndarray | slice = EVERY) -> np.ndarray:
+        """What the U-Net sees, (N, R, R) int8: 1 at a touch, −1 at free space if it sees that."""
+        return felt_images(self.touches[which], self.free[which], self.reconstructor)
+
+    def felt_after(self, owners: np.ndarray, rays: np.ndarray, touches: np.ndarray) -> np.ndarray:
+        """What the U-Net would see, (T, R, R) int8, had each of `owners` (T,) cast one ray more.
+
+        rays : (T, 2) int, any ray for each; touches : (T, 2) int16, what it meets
+        """
+        held, free = self.touches[owners], self.free[owners]
+        if self.reconstructor.free_space:
+            mark_free(free, rays, touches)
+        hit = np.flatnonzero(touches[:, 0] >= 0)
+        held[hit, touches[hit, 0], touches[hit, 1]] = 1
+        return felt_images(held, free, self.reconstructor)
+
+    def try_candidates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Where each of C candidate rays would end in each exploration, without casting it.
+
+        Returns, for T = N · C rays in the order of their explorations: whose they are (T,), the
+        rays (T, 2), what they meet (T, 2), and a number (T,) for the new touch that each would
+        bring: rays of one exploration with the same touch share it, numbers rise with the
+        exploration, and −1 stands for a miss or a repeat.
+        """
+        candidates = candidate_rays(self.resolution).reshape(-1, 2)
+        owners = np.repeat(np.arange(len(self)), len(candidates))
+        rays = np.tile(candidates, (len(self), 1))
+        hits = cast_rays(self.masks, rays, owners)
+        rows, columns = hits.T.astype(int)
+        new = (rows >= 0) & (self.touches[owners, rows, columns] == 0)
+        pixels = (owners * self.resolution + rows) * self.resolution + columns
+        return owners, rays, hits, np.where(new, pixels, -1)
 
     def observations(self, which: np.ndarray | slice = EVERY) -> np.ndarray:
         """What a policy sees, (N, 2, R, R) uint8: the reconstruction and the touches, 0–255."""
@@ -115,6 +150,12 @@ class Explorations:
         """Go on from what `get_state` returned."""
         for name in ARRAYS:
             getattr(self, name)[...] = state[name]
+
+
+def felt_images(touches: np.ndarray, free: np.ndarray, reconstructor: Reconstructor) -> np.ndarray:
+    """Touches and free space, (N, R, R) uint8 each, as the U-Net of `reconstructor` sees them."""
+    felt = touches.astype(np.int8)
+    return felt - free.astype(np.int8) if reconstructor.free_space else felt
 
 
 def to_grey(probabilities: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Training batches: masks with touches drawn afresh from their outlines each time."""
+"""Training batches: masks with touches drawn afresh each time."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,6 +10,10 @@ from tactile_core.dataset.shapes import Shapes
 # Draws touches for the shapes at `indices` (B,): returns points (B, K, 2) int and which of
 # them count, (B, K) bool.
 DrawTouches = Callable[[np.random.Generator, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+# Draws what was felt of the shapes at `indices` (B,): images (B, R, R) int8, 1 at a touch, 0
+# where nothing is known and, for a U-Net that sees free space, −1 where a ray has passed.
+DrawFelt = Callable[[np.random.Generator, np.ndarray], np.ndarray]
 
 FEWEST, MOST = 1, 10  # touches held, as the report trains (section V)
 
@@ -44,9 +48,19 @@ def outline_touches(shapes: Shapes, fewest: int = FEWEST, most: int = MOST) -> D
     return draw
 
 
+def felt_outlines(shapes: Shapes, fewest: int = FEWEST, most: int = MOST) -> DrawFelt:
+    """Draws images of `fewest` to `most` touches of each outline."""
+    touches = outline_touches(shapes, fewest, most)
+
+    def draw(rng: np.random.Generator, indices: np.ndarray) -> np.ndarray:
+        return touch_images(*touches(rng, indices), shapes.resolution)
+
+    return draw
+
+
 def touch_images(points: np.ndarray, held: np.ndarray, resolution: int) -> np.ndarray:
-    """Touches (B, K, 2) of which `held` (B, K) count, as images (B, R, R) uint8, 0 or 1."""
-    images = np.zeros((len(points), resolution, resolution), np.uint8)
+    """Touches (B, K, 2) of which `held` (B, K) count, as images (B, R, R) int8, 0 or 1."""
+    images = np.zeros((len(points), resolution, resolution), np.int8)
     image, touch = np.nonzero(held)
     rows, columns = points[image, touch].T
     images[image, rows, columns] = 1
@@ -57,10 +71,10 @@ def training_batches(
     shapes: Shapes,
     batch_size: int,
     rng: np.random.Generator,
-    draw: DrawTouches,
+    draw: DrawFelt,
     samples: int | None = None,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """One epoch in random order: (touches (B, R, R) uint8, masks (B, R, R) bool) pairs.
+    """One epoch in random order: (felt (B, R, R) int8, masks (B, R, R) bool) pairs.
 
     Each batch is turned and flipped into one of its eight orientations: a shape seen from
     the other side is as good a shape. `samples` ends the epoch early.
@@ -68,16 +82,12 @@ def training_batches(
     order = rng.permutation(len(shapes))[:samples]
     for start in range(0, len(order), batch_size):
         indices = order[start : start + batch_size]
-        points, held = draw(rng, indices)
-        touches = touch_images(points, held, shapes.resolution)
-        yield orient(touches, shapes.masks[indices], int(rng.integers(8)))
+        yield orient(draw(rng, indices), shapes.masks[indices], int(rng.integers(8)))
 
 
-def orient(
-    touches: np.ndarray, masks: np.ndarray, orientation: int
-) -> tuple[np.ndarray, np.ndarray]:
+def orient(felt: np.ndarray, masks: np.ndarray, orientation: int) -> tuple[np.ndarray, np.ndarray]:
     """Both (B, R, R) arrays in one of eight orientations: quarter turns, then a flip."""
-    turned = [np.rot90(images, orientation % 4, axes=(1, 2)) for images in (touches, masks)]
+    turned = [np.rot90(images, orientation % 4, axes=(1, 2)) for images in (felt, masks)]
     if orientation >= 4:
         turned = [images[:, :, ::-1] for images in turned]
     return np.ascontiguousarray(turned[0]), np.ascontiguousarray(turned[1])

@@ -37,24 +37,27 @@ class Reconstructor:
             precision = "bfloat16" if bfloat16_pays(self.device.type) else "float32"
         self.dtype = torch.bfloat16 if precision == "bfloat16" else torch.float32
         self.resolution = unet.resolution
+        self.free_space = unet.free_space
         self.version = unet.version()
         self._net = place(fuse_normalisation(unet.net()), self.device, self.dtype)
 
     @torch.inference_mode()
-    def predict(self, touches: np.ndarray) -> np.ndarray:
-        """Probability of the object, (N, R, R) float32 in 0–1, for touches (N, R, R), 0 or 1."""
-        batch = LARGEST_CPU_BATCH if self.device.type == "cpu" else max(len(touches), 1)
-        parts = [
-            self._forward(touches[start : start + batch]) for start in range(0, len(touches), batch)
-        ]
-        return np.concatenate(parts) if parts else np.zeros(touches.shape, np.float32)
+    def predict(self, felt: np.ndarray) -> np.ndarray:
+        """Probability of the object, (N, R, R) float32 in 0–1.
 
-    def _forward(self, touches: np.ndarray) -> np.ndarray:
-        images = torch.from_numpy(np.ascontiguousarray(touches, dtype=np.uint8)).to(self.device)
+        felt : (N, R, R), 1 at a touch, 0 where nothing is known and, where the U-Net sees
+            `free_space`, −1 where a ray has passed
+        """
+        batch = LARGEST_CPU_BATCH if self.device.type == "cpu" else max(len(felt), 1)
+        parts = [self._forward(felt[start : start + batch]) for start in range(0, len(felt), batch)]
+        return np.concatenate(parts) if parts else np.zeros(felt.shape, np.float32)
+
+    def _forward(self, felt: np.ndarray) -> np.ndarray:
+        images = torch.from_numpy(np.ascontiguousarray(felt, dtype=np.int8)).to(self.device)
         logits = self._net(images.to(self.dtype)[:, None])
         return torch.sigmoid(logits.float())[:, 0].cpu().numpy()
 
     @functools.cached_property
     def untouched(self) -> np.ndarray:
         """The prediction before any touch, (R, R) float32: every episode begins with it."""
-        return self.predict(np.zeros((1, self.resolution, self.resolution), np.uint8))[0]
+        return self.predict(np.zeros((1, self.resolution, self.resolution), np.int8))[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes, as_points
-from tactile_core.reconstruction.batches import outline_touches
+from tactile_core.reconstruction.batches import felt_outlines, outline_touches
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet
@@ -86,10 +86,12 @@ def overfit_jaccard(train: Shapes, *, shapes: int = 6, epochs: int = 200, seed: 
         train.model_ids[chosen],
         train.categories[chosen],
     )
-    draw = outline_touches(few, OVERFIT_TOUCHES, OVERFIT_TOUCHES)
     training = begin_training(depth=3, channels=8, learning_rate=5e-3, seed=seed)
+    draw = felt_outlines(few, OVERFIT_TOUCHES, OVERFIT_TOUCHES)
     for _ in range(epochs):
         train_epoch(training, few, len(few), draw)
-    points, _ = draw(np.random.default_rng(seed), np.arange(len(few)))
+    points, _ = outline_touches(few, OVERFIT_TOUCHES, OVERFIT_TOUCHES)(
+        np.random.default_rng(seed), np.arange(len(few))
+    )
     _, scores = evaluate(training.net, list(points), few.masks, training.device)
     return float(scores.mean())

@@ -33,6 +33,11 @@ class TrainedUNet:
     scores: dict[str, float]
     curve: pd.DataFrame = field(repr=False)
 
+    @property
+    def free_space(self) -> bool:
+        """Whether the U-Net was trained to see where rays have passed."""
+        return bool(self.settings.get("free_space"))
+
     def net(self) -> UNet:
         """A fresh net in eval mode that holds these weights."""
         net = UNet(self.depth, self.channels)

@@ -16,7 +16,8 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 from tactile_core.reconstruction.batches import (
-    DrawTouches,
+    DrawFelt,
+    felt_outlines,
     outline_touches,
     touch_images,
     training_batches,
@@ -65,7 +66,7 @@ def train_epoch(
     training: Training,
     shapes: Shapes,
     batch_size: int,
-    draw: DrawTouches | None = None,
+    draw: DrawFelt | None = None,
     samples: int | None = None,
     before_batch: Callable[[float], None] = lambda share: None,
 ) -> float:
@@ -77,12 +78,12 @@ def train_epoch(
     training.net.train()
     count = min(samples or len(shapes), len(shapes))
     batches = training_batches(
-        shapes, batch_size, training.rng, draw or outline_touches(shapes), samples
+        shapes, batch_size, training.rng, draw or felt_outlines(shapes), samples
     )
     total, seen = 0.0, 0
-    for touches, masks in batches:
+    for felt, masks in batches:
         before_batch(seen / count)
-        loss = bce_loss(training.net, touches, masks, training.device)
+        loss = bce_loss(training.net, felt, masks, training.device)
         training.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(training.net.parameters(), 1.0)
@@ -93,10 +94,10 @@ def train_epoch(
 
 
 def bce_loss(
-    net: nn.Module, touches: np.ndarray, masks: np.ndarray, device: torch.device
+    net: nn.Module, felt: np.ndarray, masks: np.ndarray, device: torch.device
 ) -> torch.Tensor:
-    """Mean binary cross-entropy over all pixels of (B, R, R) touches and masks."""
-    inputs = torch.from_numpy(touches).to(device, torch.float32)[:, None]
+    """Mean binary cross-entropy over all pixels of (B, R, R) felt images and masks."""
+    inputs = torch.from_numpy(felt).to(device, torch.float32)[:, None]
     labels = torch.from_numpy(masks).to(device, torch.float32)[:, None]
     pays = bfloat16_pays(device.type)
     with torch.autocast(device.type, torch.bfloat16, enabled=pays):
@@ -136,7 +137,7 @@ def finite(loss: float) -> float:
 
 
 def images_of_sets(touch_sets: Sequence[np.ndarray], resolution: int) -> np.ndarray:
-    """Touch sets of differing sizes (k_i, 2) as images (N, R, R) uint8."""
+    """Touch sets of differing sizes (k_i, 2) as images (N, R, R) int8."""
     most = max((len(points) for points in touch_sets), default=0)
     points = np.zeros((len(touch_sets), most, 2), np.int16)
     held = np.zeros((len(touch_sets), most), bool)
@@ -159,7 +160,7 @@ def train_unet(
     settings: UNetSettings,
     *,
     work: Path,
-    draw: DrawTouches | None = None,
+    draw: DrawFelt | None = None,
     progress: Callable[[str], None] = lambda message: None,
 ) -> TrainedUNet:
     """Train to the end and return the weights of the epoch with the lowest eval loss.
@@ -168,7 +169,8 @@ def train_unet(
     `search.with_best_trial`). The rate warms up over the first epoch and then falls along
     a cosine. `work` receives TensorBoard curves and a checkpoint after each epoch: a
     training killed and started again with equal inputs goes on where it was, to the same
-    result. `draw` replaces the uniform draw of outline touches.
+    result. `draw` replaces the uniform draw of outline touches; it must draw free
+    space too where `settings.free_space` is set.
     """
     rate, batch_size, depth, channels = required(settings)
     training = begin_training(depth, channels, rate, settings.seed)

@@ -14,7 +14,8 @@ OUTSIDE = -20.0
 class UNet(nn.Module):
     """U-Net with `depth` levels; the first has `channels`, each further one twice as many.
 
-    Maps touches (N, 1, R, R), 1.0 where touched, to logits (N, 1, R, R).
+    Maps what was felt, (N, 1, R, R), 1.0 at a touch, 0.0 where nothing is known and −1.0 where
+    a ray has passed (if it was trained on that), to logits (N, 1, R, R).
 
     Only the middle half of the image passes through the net: the camera scales every model
     to a diagonal of 1 in an image that spans 2, so no shape leaves it, however rotated.
@@ -33,8 +34,8 @@ class UNet(nn.Module):
         self.expand = nn.ModuleList(_block(2 * width, width) for width in shallower)
         self.head = nn.Conv2d(channels, 1, 1)
 
-    def forward(self, touches: Tensor) -> Tensor:
-        resolution = touches.shape[-1]
+    def forward(self, felt: Tensor) -> Tensor:
+        resolution = felt.shape[-1]
         margin = resolution // 4
         levels = len(self.contract)
         if (resolution - 2 * margin) % 2 ** (levels - 1):
@@ -42,7 +43,7 @@ class UNet(nn.Module):
                 f"a U-Net of depth {levels} cannot halve a {resolution // 2}-pixel window "
                 f"{levels - 1} times: choose a smaller depth or a larger resolution"
             )
-        x = touches[..., margin : resolution - margin, margin : resolution - margin]
+        x = felt[..., margin : resolution - margin, margin : resolution - margin]
         skipped = []
         for level, block in enumerate(self.contract):
             x = block(functional.max_pool2d(x, 2) if level else x)  # (N, C·2^level, W/2^level, …)

@@ -11,6 +11,7 @@ from tactile_core.dataset.outlines import trace_outlines
 from tactile_core.dataset.shapes import SPLITS, Shapes, load_shapes
 from tactile_core.dataset.silhouettes import render_masks
 from tactile_core.dataset.splits import rotate_splits
+from tactile_core.exploration.ray_touches import rays_and_outlines
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import train_unet
@@ -60,3 +61,26 @@ def unet(shapes, tmp_path_factory) -> TrainedUNet:
 def reconstructor(unet) -> Reconstructor:
     """The U-Net in float32, whose predictions do not hang on what else is in the batch."""
     return Reconstructor(unet, precision="float32")
+
+
+@pytest.fixture(scope="session")
+def free_space_reconstructor(shapes, tmp_path_factory) -> Reconstructor:
+    """A U-Net that also sees where rays have passed, in float32."""
+    train = shapes["train"]
+    trained = train_unet(
+        train,
+        shapes["eval"],
+        UNetSettings(
+            learning_rate=1e-2, batch_size=4, depth=3, channels=4, epochs=40, patience=40,
+            free_space=True,
+        ),
+        work=tmp_path_factory.mktemp("unet"),
+        draw=rays_and_outlines(train, seed=0, free_space=True),
+    )  # fmt: skip
+    return Reconstructor(trained, precision="float32")
+
+
+@pytest.fixture(scope="session", params=["reconstructor", "free_space_reconstructor"])
+def either_reconstructor(request) -> Reconstructor:
+    """One after the other: a U-Net that sees touches only, and one that sees free space too."""
+    return request.getfixturevalue(request.param)

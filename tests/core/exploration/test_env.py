@@ -140,11 +140,15 @@ def test_without_a_render_mode_there_is_no_picture(shapes, reconstructor):
 @pytest.mark.parametrize("name", STAGES)
 @settings(deadline=None, max_examples=6)
 @given(seed=seeds)
-def test_the_batched_environment_is_the_single_one_step_for_step(shapes, reconstructor, name, seed):
+def test_the_batched_environment_is_the_single_one_step_for_step(
+    shapes, either_reconstructor, name, seed
+):
     """Over several episodes, which end by rays, by touches or truncated."""
     masks, limits = shapes["train"].masks, {"count": 4, "ray_limit": 6}
-    batch = BatchedTactileEnv(ENVIRONMENTS, masks, reconstructor, STAGES[name], seed=seed, **limits)
-    singles = [TactileEnv(masks, reconstructor, STAGES[name], **limits) for _ in range(3)]
+    batch = BatchedTactileEnv(
+        ENVIRONMENTS, masks, either_reconstructor, STAGES[name], seed=seed, **limits
+    )
+    singles = [TactileEnv(masks, either_reconstructor, STAGES[name], **limits) for _ in range(3)]
     observations = batch.reset()
     for index, single in enumerate(singles):
         observation, _ = single.reset(seed=seed + index)

@@ -42,19 +42,58 @@ def test_counts_and_images_follow_from_the_touches(shapes, reconstructor, seed):
 
 @settings(deadline=None, max_examples=15)
 @given(seed=seeds)
-def test_predictions_are_those_of_the_touches_held_though_few_are_made_anew(
-    shapes, reconstructor, seed
+def test_predictions_are_those_of_what_was_felt_though_few_are_made_anew(
+    shapes, either_reconstructor, seed
 ):
     rng = np.random.default_rng(seed)
-    explorations = Explorations(shapes["test"].masks, reconstructor)
+    explorations = Explorations(shapes["test"].masks, either_reconstructor)
     for _ in range(5):
         before = explorations.jaccard.copy() if explorations.rays.any() else np.zeros(8)
         cast = explorations.cast(some_rays(rng, 8))
-        expected = reconstructor.predict(explorations.touches)
+        felt = explorations.touches.astype(int)
+        if either_reconstructor.free_space:
+            felt[explorations.free == 1] = -1
+        expected = either_reconstructor.predict(felt)
         np.testing.assert_allclose(explorations.predictions, expected, atol=1e-5)
         scores = jaccard_index(expected, explorations.masks)
         np.testing.assert_allclose(cast.jaccard, scores, atol=1e-3)
         np.testing.assert_array_equal(cast.jaccard_before, before)
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=seeds)
+def test_what_would_be_felt_after_a_ray_is_what_is_felt_after_it(
+    shapes, either_reconstructor, seed
+):
+    rng = np.random.default_rng(seed)
+    explorations = Explorations(shapes["test"].masks, either_reconstructor)
+    explorations.cast(some_rays(rng, 8))
+    owners, rays, hits, touches = explorations.try_candidates()
+    tried = np.arange(8) * len(rays) // 8 + rng.integers(len(rays) // 8, size=8)
+    before = explorations.get_state()
+    felt = explorations.felt_after(owners[tried], rays[tried], hits[tried])
+    for name, value in before.items():
+        np.testing.assert_array_equal(getattr(explorations, name), value)
+    cast = explorations.cast(rays[tried])
+    np.testing.assert_array_equal(cast.touches, hits[tried])
+    np.testing.assert_array_equal(cast.missed | cast.repeated, touches[tried] < 0)
+    np.testing.assert_array_equal(explorations.felt(), felt)
+
+
+def test_the_u_net_is_asked_again_only_where_more_was_felt(
+    shapes, either_reconstructor, monkeypatch
+):
+    explorations = Explorations(shapes["test"].masks, either_reconstructor)
+    asked = []
+    predict = either_reconstructor.predict
+    monkeypatch.setattr(
+        either_reconstructor, "predict", lambda felt: asked.append(len(felt)) or predict(felt)
+    )
+    rays = np.where(np.arange(8)[:, None] % 2, candidate_rays(64)[:8, 5], candidate_rays(64)[:8, 0])
+    cast = explorations.cast(rays)
+    assert 0 < cast.missed.sum() < 8
+    explorations.cast(rays)  # along the same ways to the same touches
+    assert asked == [8 if either_reconstructor.free_space else (~cast.missed).sum()]
 
 
 def test_what_a_policy_sees_is_the_reconstruction_and_the_touches(shapes, reconstructor):

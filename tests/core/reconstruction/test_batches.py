@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_core.reconstruction.batches import (
+    felt_outlines,
     orient,
     outline_touches,
     pad_outlines,
@@ -20,7 +21,7 @@ def epoch(shapes, seed, batch_size, samples=None, draw=None):
     """All (touches, masks) of one epoch, each (N, R, R)."""
     rng = np.random.default_rng(seed)
     batches = list(
-        training_batches(shapes, batch_size, rng, draw or outline_touches(shapes), samples)
+        training_batches(shapes, batch_size, rng, draw or felt_outlines(shapes), samples)
     )
     return batches, *(np.concatenate(images) for images in zip(*batches, strict=True))
 

@@ -150,7 +150,9 @@ def test_touches_can_be_drawn_some_other_way(train, small_shapes, tmp_path):
 
     def corner(rng, indices):
         asked.extend(indices.tolist())
-        return np.full((len(indices), 1, 2), 8), np.ones((len(indices), 1), bool)
+        felt = np.zeros((len(indices), 48, 48), np.int8)
+        felt[:, 8, 8] = 1
+        return felt
 
     one = QUICK.model_copy(update={"epochs": 1})
     trained = train(one, draw=corner)
