@@ -22,7 +22,7 @@ from tactile_core.settings import PROFILES
 LAPTOP = PROFILES["laptop"].policies
 MOST = 256
 ENVIRONMENTS = (1, 2, 4, 8, 16, 32, 64, 128, MOST)
-RESOLUTIONS = (32, 64, 128, 256)
+RESOLUTIONS = (48, 64, 128, 256)
 ROLLOUT, BATCH, EPOCHS = 2000, 50, 10  # PPO as the report's code runs it
 LEARNING_RATE, ENTROPY = 3e-5, 0.01
 

@@ -1,9 +1,9 @@
-"""Every setting of the platform, written once: one model per stage, and the three profiles.
+"""Every setting of the platform, written once: one model per stage, and the profiles.
 
 The Dagster layer mixes these models into its run config, so bounds and descriptions appear
-in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop or paper), `TACTILE_SHAPENET`
-(where the meshes come from; unset: generated mugs and bottles) and `TACTILE_REAL` (real meshes
-to evaluate on besides).
+in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop, study or paper),
+`TACTILE_SHAPENET` (where the meshes come from; unset: generated mugs and bottles) and
+`TACTILE_REAL` (real meshes to evaluate on besides).
 """
 
 import os
@@ -185,6 +185,15 @@ class Profile(Settings):
     per_grasp: EvaluationSettings = EvaluationSettings(deterministic=False)
 
 
+# Four short epochs favour nets that learn fast and end poor: none of those is offered.
+LAPTOP_SEARCH = SearchSettings(
+    samples_per_epoch=1024,
+    learning_rate=[1e-3, 4e-3],
+    batch_sizes=[32, 48],
+    depths=[3, 4],
+    channels=[12, 16],
+)
+
 PROFILES = {
     "smoke": Profile(
         name="smoke",
@@ -208,16 +217,19 @@ PROFILES = {
     ),
     "laptop": Profile(
         name="laptop",
-        # Four short epochs favour nets that learn fast and end poor: none of those is offered.
-        search=SearchSettings(
-            samples_per_epoch=1024,
-            learning_rate=[1e-3, 4e-3],
-            batch_sizes=[32, 48],
-            depths=[3, 4],
-            channels=[12, 16],
-        ),
+        search=LAPTOP_SEARCH,
         # After a tenth of the report's training a policy has a good distribution of rays, but
         # its single most likely ray hardly depends on what was felt.
+        per_step=EvaluationSettings(deterministic=False),
+    ),
+    # The laptop's data and nets, with free space seen, longer trainings and three seeds each.
+    "study": Profile(
+        name="study",
+        search=LAPTOP_SEARCH,
+        unet=UNetSettings(epochs=80, patience=20, free_space=True),
+        policies=PolicySettings(
+            seeds=[0, 1, 2], gain_iterations=600, gain_tries=12, gain_updates=3
+        ),
         per_step=EvaluationSettings(deterministic=False),
     ),
     "paper": Profile(

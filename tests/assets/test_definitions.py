@@ -117,7 +117,10 @@ def test_activation_honours_a_home_that_is_set_and_makes_it_absolute(tmp_path):
 def test_an_unknown_profile_is_refused_with_the_names_of_the_known_ones(tmp_path):
     done = shell("dagster asset list", tmp_path / "home", TACTILE_PROFILE="large")
     assert done.returncode != 0
-    assert "TACTILE_PROFILE='large' is unknown: choose one of smoke, laptop, paper" in done.stderr
+    assert (
+        "TACTILE_PROFILE='large' is unknown: choose one of smoke, laptop, study, paper"
+        in done.stderr
+    )
 
 
 def test_all_checks_of_the_issue_are_defined():
