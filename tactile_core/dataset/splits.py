@@ -98,7 +98,22 @@ def rotate_splits(
             f"the mesh of model {changed} is gone or has changed since its mask was rendered: "
             "materialise masks again"
         )
+    return rotate(models, root, mask_settings, split_settings, previous, progress, workers)
 
+
+def rotate(
+    models: pd.DataFrame,
+    root: UPath,
+    mask_settings: MaskSettings,
+    split_settings: SplitSettings,
+    previous: pd.DataFrame | None = None,
+    progress: Callable[[str], None] = lambda message: None,
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """The samples of `models` (model_id, category, split, content_hash, file), in their order.
+
+    What `rotate_splits` returns, for models whose split is known.
+    """
     count = split_settings.rotations
     angles = [
         generator(split_settings.seed, model).uniform(0, 360, count) for model in models["model_id"]
@@ -108,7 +123,7 @@ def rotate_splits(
     samples = samples.assign(
         sample_id=samples["model_id"] + "-r" + numbers,
         rotation=np.concatenate(angles),
-        resolution=resolution,
+        resolution=mask_settings.resolution,
     )
     drawn = draw(samples, root, mask_settings, previous, progress, workers)
     for file, mask in zip(samples["file"], drawn, strict=True):
