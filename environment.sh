@@ -1,6 +1,6 @@
 # Sourced by .venv/bin/activate: makes the plain Dagster commands work from the repository root.
-# TACTILE_HOME, TACTILE_PROFILE, TACTILE_STORE and TACTILE_SHAPENET are read where they are set
-# and left unset otherwise; only TACTILE_HOME is made absolute, because DAGSTER_HOME must be.
+# TACTILE_HOME, TACTILE_PROFILE, TACTILE_STORE, TACTILE_SHAPENET and TACTILE_REAL are read where they
+# are set and left unset otherwise; only TACTILE_HOME is made absolute, because DAGSTER_HOME must be.
 
 _tactile_root="$(cd "$VIRTUAL_ENV/.." && pwd)"
 if [ -n "${TACTILE_HOME:-}" ]; then

@@ -53,9 +53,8 @@ def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.
 
 refresh_evaluations = dg.AutomationConditionSensorDefinition(
     "refresh_evaluations",
-    target=dg.AssetSelection.assets(
-        "reconstruction_evaluation", "per_step_evaluation", "per_grasp_evaluation"
-    ),
+    target=dg.AssetSelection.groups("evaluation")
+    | dg.AssetSelection.assets("reconstruction_evaluation"),
     default_status=dg.DefaultSensorStatus.RUNNING,
     description="Evaluates anew when the policies or the U-Net have changed.",
 )

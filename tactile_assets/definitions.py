@@ -7,6 +7,9 @@ shapenet_meshes → masks → rotated_splits → outlines → tactile_samples
                                                                  policies
                                                                      │
                                              per_step_evaluation, per_grasp_evaluation
+
+Where TACTILE_REAL names real meshes, both evaluations are made on those as well: real_shapes,
+real_per_step_evaluation, real_per_grasp_evaluation.
 """
 
 import dagster as dg
@@ -19,6 +22,7 @@ from tactile_assets import (
     evaluation,
     exploration,
     io_managers,
+    real,
     reconstruction,
 )
 from tactile_assets.config import PROFILE
@@ -48,6 +52,7 @@ defs = dg.Definitions(
         exploration.policies,
         evaluation.per_step_evaluation,
         evaluation.per_grasp_evaluation,
+        *(real.ASSETS if PROFILE.real else []),
     ],
     asset_checks=dg.load_asset_checks_from_modules([checks]),
     jobs=[automation.whole_chain],

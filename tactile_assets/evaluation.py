@@ -1,5 +1,6 @@
 """Report, section VII: the policies on shapes that nothing was trained on."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import dagster as dg
@@ -12,6 +13,7 @@ from tactile_assets.resources import OWNERS, Store, markdown, stored
 from tactile_core.settings import EvaluationSettings
 
 if TYPE_CHECKING:
+    from tactile_core.dataset.shapes import Shapes
     from tactile_core.evaluation.rollout import Rollout
 
 
@@ -25,14 +27,16 @@ class PerGraspConfig(StageConfig, EvaluationSettings):
     """Rays of each policy on every test sample until ten touches are held."""
 
 
-@dg.asset(
-    group_name="evaluation",
-    kinds={"pytorch", "matplotlib", "parquet"},
-    owners=OWNERS,
-    code_version=code_version(1, PROFILE.per_step),
-    io_manager_key="tables",
-    automation_condition=dg.AutomationCondition.eager(),
-)
+EVALUATION: dict[str, Any] = {
+    "group_name": "evaluation",
+    "kinds": {"pytorch", "matplotlib", "parquet"},
+    "owners": OWNERS,
+    "io_manager_key": "tables",
+    "automation_condition": dg.AutomationCondition.eager(),
+}
+
+
+@dg.asset(code_version=code_version(1, PROFILE.per_step), **EVALUATION)
 def per_step_evaluation(
     context: dg.AssetExecutionContext,
     config: PerStepConfig,
@@ -49,35 +53,12 @@ def per_step_evaluation(
     knows the shape and takes the best ray there is.
     """
     from tactile_core.dataset.shapes import load_shapes
-    from tactile_core.evaluation.protocols import evaluate_per_step
-    from tactile_core.exploration.policies import load_policy
-    from tactile_core.figures.animation import rollout_gif
-    from tactile_core.figures.rollouts import runs_figure, steps_figure
-    from tactile_core.figures.style import png
-    from tactile_core.reconstruction.inference import Reconstructor
 
     test = load_shapes(rotated_splits, outlines, "test")
-    trained = [load_policy(directory, unet.resolution) for directory in policies]
-    reconstructor = Reconstructor(unet)
-    table = evaluate_per_step(trained, test, reconstructor, config, context.log.info)
-    runs = example_runs(table, trained, test, reconstructor, config)
-    return stored(
-        table,
-        **curve(table, "step", config, store),
-        one_run=store.picture("figure_2.png", png(steps_figure(runs[-1]))),
-        runs=store.picture("figure_3.png", png(runs_figure(runs), width_px=540)),
-        animation=store.picture("run.gif", rollout_gif(runs[-1])),
-    )
+    return per_step(test, unet, policies, config, store, context.log.info)
 
 
-@dg.asset(
-    group_name="evaluation",
-    kinds={"pytorch", "matplotlib", "parquet"},
-    owners=OWNERS,
-    code_version=code_version(1, PROFILE.per_grasp),
-    io_manager_key="tables",
-    automation_condition=dg.AutomationCondition.eager(),
-)
+@dg.asset(code_version=code_version(1, PROFILE.per_grasp), **EVALUATION)
 def per_grasp_evaluation(
     context: dg.AssetExecutionContext,
     config: PerGraspConfig,
@@ -94,40 +75,74 @@ def per_grasp_evaluation(
     made is a row without a Jaccard index.
     """
     from tactile_core.dataset.shapes import load_shapes
+
+    test = load_shapes(rotated_splits, outlines, "test")
+    return per_grasp(test, unet, policies, config, store, context.log.info)
+
+
+def per_step(
+    test: "Shapes",
+    unet: TrainedUNet,
+    policies: list[UPath],
+    config: PerStepConfig,
+    store: Store,
+    progress: Callable[[str], None],
+    prefix: str = "",
+) -> dg.MaterializeResult:
+    """Figure 4's table on any shapes, with its figures under names that begin with `prefix`."""
+    from tactile_core.evaluation.protocols import evaluate_per_step
+    from tactile_core.exploration.policies import load_policy
+    from tactile_core.figures.animation import rollout_gif
+    from tactile_core.figures.rollouts import runs_figure, steps_figure
+    from tactile_core.figures.style import png
+    from tactile_core.reconstruction.inference import Reconstructor
+
+    trained = [load_policy(directory, unet.resolution) for directory in policies]
+    reconstructor = Reconstructor(unet)
+    table = evaluate_per_step(trained, test, reconstructor, config, progress)
+    runs = example_runs(table, trained, test, reconstructor, config)
+    return stored(
+        table,
+        **curve(table, "step", config, store, prefix),
+        one_run=store.picture(f"{prefix}figure_2.png", png(steps_figure(runs[-1]))),
+        runs=store.picture(f"{prefix}figure_3.png", png(runs_figure(runs), width_px=540)),
+        animation=store.picture(f"{prefix}run.gif", rollout_gif(runs[-1])),
+    )
+
+
+def per_grasp(
+    test: "Shapes",
+    unet: TrainedUNet,
+    policies: list[UPath],
+    config: PerGraspConfig,
+    store: Store,
+    progress: Callable[[str], None],
+    prefix: str = "",
+) -> dg.MaterializeResult:
+    """Figure 5's table on any shapes, with its figure under a name that begins with `prefix`."""
     from tactile_core.evaluation.protocols import evaluate_per_grasp
     from tactile_core.exploration.policies import load_policy
     from tactile_core.reconstruction.inference import Reconstructor
 
-    test = load_shapes(rotated_splits, outlines, "test")
     trained = [load_policy(directory, unet.resolution) for directory in policies]
-    table = evaluate_per_grasp(trained, test, Reconstructor(unet), config, context.log.info)
-    return stored(table, **curve(table, "grasp", config, store))
+    table = evaluate_per_grasp(trained, test, Reconstructor(unet), config, progress)
+    return stored(table, **curve(table, "grasp", config, store, prefix))
 
 
 def curve(
-    table: pd.DataFrame, index: str, settings: EvaluationSettings, store: Store
+    table: pd.DataFrame, index: str, settings: EvaluationSettings, store: Store, prefix: str
 ) -> dict[str, Any]:
     """Figure 4 ("step") or 5 ("grasp") and its values, as metadata."""
-    from tactile_core.evaluation import statistics, tables
+    from tactile_core.evaluation.tables import policy_results
     from tactile_core.figures.curves import policy_curves
     from tactile_core.figures.style import png
 
-    drawn = settings.resamples, settings.seed
-    means = statistics.mean_curve(table, index, *drawn)
-    if index == "step":
-        figure, rows = (
-            "figure_4.png",
-            tables.step_rows(means, statistics.summarise_steps(table, *drawn)),
-        )
-    else:
-        figure, rows = (
-            "figure_5.png",
-            tables.grasp_rows(means, statistics.summarise_grasps(table, *drawn)),
-        )
+    figure = {"step": "figure_4.png", "grasp": "figure_5.png"}[index]
+    results = policy_results(table, index, settings.resamples, settings.seed)
     return {
         "samples": table["sample_id"].nunique(),
-        "jaccard": markdown(rows),
-        "curves": store.picture(figure, png(policy_curves(means, index))),
+        "jaccard": markdown(results.rows),
+        "curves": store.picture(f"{prefix}{figure}", png(policy_curves(results.curve, index))),
     }
 
 

@@ -2,7 +2,8 @@
 
 Copies the tables and figures of the stored assets to docs/results/NAME, with the command,
 commit, machine and time that made them. `python -m tactile_assets.publish` alone only writes
-the README's results anew from docs/results/laptop; a test holds the README to it.
+the README's results anew from docs/results/study, or docs/results/laptop where that is not there;
+a test holds the README to it.
 """
 
 import json
@@ -18,14 +19,12 @@ import pandas as pd
 
 from tactile_assets.config import PROFILE
 from tactile_assets.resources import REPOSITORY, Store
+from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
-from tactile_core.evaluation.statistics import mean_curve, summarise_grasps, summarise_steps
 from tactile_core.evaluation.tables import (
-    grasp_rows,
     hyperparameter_rows,
     markdown_table,
     reconstruction_rows,
-    step_rows,
 )
 from tactile_core.files import read_table
 
@@ -41,24 +40,22 @@ def publish(name: str) -> None:
     folder = RESULTS / name
     folder.mkdir(parents=True, exist_ok=True)
     settings = json.loads(store.path("unet", "settings.json").read_bytes())["settings"]
-    drawn = PROFILE.per_step.resamples, PROFILE.per_step.seed
-    per_step = read_table(store.path("per_step_evaluation.parquet"))
-    per_grasp = read_table(store.path("per_grasp_evaluation.parquet"))
-    steps = mean_curve(per_step, "step", *drawn), summarise_steps(per_step, *drawn)
-    grasps = mean_curve(per_grasp, "grasp", *drawn), summarise_grasps(per_grasp, *drawn)
+    reconstruction = read_table(store.path("reconstruction_evaluation.parquet"))
+    evaluations = stored_evaluations(store)
     tables = {
         "hyperparameters": hyperparameter_rows(settings),
-        "reconstruction": reconstruction_rows(
-            read_table(store.path("reconstruction_evaluation.parquet"))
-        ),
-        "per_step": step_rows(*steps),
-        "per_grasp": grasp_rows(*grasps),
-        "per_step_curve": steps[0],
-        "per_step_summary": steps[1],
-        "per_grasp_curve": grasps[0],
-        "per_grasp_summary": grasps[1],
+        "reconstruction": reconstruction_rows(reconstruction),
     }
-    about = run_facts(per_step)  # before anything is written: the commit must not look changed
+    for name, table in evaluations.items():
+        results = results_of(table)
+        tables |= {
+            name: results.rows,
+            f"{name}_curve": results.curve,
+            f"{name}_summary": results.summary,
+        }
+    about = run_facts(evaluations)  # before anything is written: the commit must not look changed
+    for file in folder.glob("real_*.csv"):  # of an earlier run, that this one may not have
+        file.unlink()
     for title, table in tables.items():
         table.to_csv(folder / f"{title}.csv", index=False, float_format="%.4f")
     for figure in FIGURES:
@@ -67,10 +64,11 @@ def publish(name: str) -> None:
     print(f"Published to {folder}")
 
 
-def run_facts(per_step: pd.DataFrame) -> dict[str, Any]:
+def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
     """What, where and when: everything needed to make the same run again."""
     variables = [f"{name}={os.environ[name]} " for name in SETTINGS if os.environ.get(name)]
-    return {
+    per_step = evaluations["per_step"]
+    facts = {
         "command": "".join(variables) + "make run",
         "commit": commit(),
         "profile": PROFILE.name,
@@ -80,9 +78,12 @@ def run_facts(per_step: pd.DataFrame) -> dict[str, Any]:
         "python": platform.python_version(),
         **last_run(),
     }
+    if "real_per_step" in evaluations:
+        facts["real samples"] = int(evaluations["real_per_step"]["sample_id"].nunique())
+    return facts
 
 
-SETTINGS = ("TACTILE_PROFILE", "TACTILE_SHAPENET")
+SETTINGS = ("TACTILE_PROFILE", "TACTILE_SHAPENET", "TACTILE_REAL")
 
 
 def commit() -> str:
@@ -118,7 +119,13 @@ def last_run() -> dict[str, Any]:
     raise TactileError("no run of all assets has succeeded: make run first")
 
 
-def readme_results(folder: Path = RESULTS / "laptop") -> str:
+def shown_run(results: Path = RESULTS) -> Path:
+    """The published run whose results the README shows: the long one, where there is one."""
+    study = results / "study"
+    return study if study.is_dir() else results / "laptop"
+
+
+def readme_results(folder: Path) -> str:
     """The README's section of results, in markdown, from a published run."""
     about = json.loads((folder / "run.json").read_text())
     parts = [
@@ -134,6 +141,15 @@ def readme_results(folder: Path = RESULTS / "laptop") -> str:
         "**Per grasp**: Jaccard index at each touch (Figure 5)",
         table_of(folder / "per_grasp.csv"),
     ]
+    if (folder / "real_per_step.csv").exists():
+        generated = "TACTILE_SHAPENET" not in about["command"]
+        parts += [
+            f"**On real meshes**{' (trained on generated ones only)' if generated else ''}: "
+            f"{about['real samples']} samples, per step",
+            table_of(folder / "real_per_step.csv"),
+            "The same per grasp",
+            table_of(folder / "real_per_grasp.csv"),
+        ]
     return "\n\n".join(parts)
 
 
@@ -153,7 +169,7 @@ def with_results(readme: str, results: str) -> str:
 def main(arguments: list[str]) -> None:
     if arguments:
         publish(arguments[0])
-    README.write_text(with_results(README.read_text(), readme_results()))
+    README.write_text(with_results(README.read_text(), readme_results(shown_run())))
 
 
 if __name__ == "__main__":

@@ -2,41 +2,63 @@
 
 import sys
 
+import pandas as pd
+
 from tactile_assets.config import PROFILE
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
-from tactile_core.evaluation.statistics import mean_curve, summarise_grasps, summarise_steps
 from tactile_core.evaluation.tables import (
-    grasp_rows,
+    PolicyResults,
+    policy_results,
     reconstruction_rows,
-    step_rows,
     text_table,
 )
 from tactile_core.files import read_table
+
+HEADINGS = {
+    "per_step": "Per step: Jaccard index after each ray (Figure 4)",
+    "per_grasp": "Per grasp: Jaccard index at each touch (Figure 5)",
+    "real_per_step": "Per step, on real meshes",
+    "real_per_grasp": "Per grasp, on real meshes",
+}
 
 
 def main() -> None:
     """Table II, the per-step and the per-grasp table, and where to look further."""
     store = Store.from_environment()
     reconstruction = read_table(store.path("reconstruction_evaluation.parquet"))
-    per_step = read_table(store.path("per_step_evaluation.parquet"))
-    per_grasp = read_table(store.path("per_grasp_evaluation.parquet"))
-    drawn = PROFILE.per_step.resamples, PROFILE.per_step.seed
+    evaluations = stored_evaluations(store)
 
     heading("Reconstruction (the report's Table II)")
     print(text_table(reconstruction_rows(reconstruction)))
-    heading("Per step: Jaccard index after each ray (Figure 4)")
-    steps = mean_curve(per_step, "step", *drawn), summarise_steps(per_step, *drawn)
-    print(text_table(step_rows(*steps)))
-    heading("Per grasp: Jaccard index at each touch (Figure 5)")
-    grasps = mean_curve(per_grasp, "grasp", *drawn), summarise_grasps(per_grasp, *drawn)
-    print(text_table(grasp_rows(*grasps)))
+    for name, table in evaluations.items():
+        heading(HEADINGS[name])
+        print(text_table(results_of(table).rows))
 
-    samples = per_step["sample_id"].nunique()
-    print(f"Profile {PROFILE.name}, {samples} test samples; ± is half a 95 % interval over models.")
+    samples = f"{evaluations['per_step']['sample_id'].nunique()} test samples"
+    if "real_per_step" in evaluations:
+        samples += f", {evaluations['real_per_step']['sample_id'].nunique()} real ones"
+    print(f"Profile {PROFILE.name}, {samples}; ± is half a 95 % interval over models.")
     print(f"Tables:   {store.path()}/*.parquet")
     print(f"Figures:  {store.path('figures')}")
     print("Browser:  make ui, then http://localhost:3000 (lineage, pictures, checks, logs)")
+
+
+def stored_evaluations(store: Store) -> dict[str, pd.DataFrame]:
+    """The rollouts "per_step" and "per_grasp"; and, where TACTILE_REAL is set and both of those
+    evaluations are stored, "real_per_step" and "real_per_grasp"."""
+    files = {name: store.path(f"{name}_evaluation.parquet") for name in HEADINGS}
+    real = [name for name in files if name.startswith("real_")]
+    if not (PROFILE.real and all(files[name].exists() for name in real)):
+        for name in real:
+            del files[name]
+    return {name: read_table(file) for name, file in files.items()}
+
+
+def results_of(table: pd.DataFrame) -> PolicyResults:
+    """What the rollouts of an evaluation come to, with the profile's bootstrap."""
+    index = "step" if "step" in table else "grasp"
+    return policy_results(table, index, PROFILE.per_step.resamples, PROFILE.per_step.seed)
 
 
 def heading(text: str) -> None:

@@ -6,8 +6,11 @@ and "gap" the gap closed between random and oracle.
 """
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import pandas as pd
+
+from tactile_core.evaluation.statistics import mean_curve, summarise_grasps, summarise_steps
 
 REPORT_TABLE_I = {"batch_size": 4, "learning_rate": 2.074e-5, "depth": 6, "channels": 128}
 REPORT_TABLE_II = {  # split → loss, Jaccard index
@@ -23,6 +26,24 @@ REPORT_LAST = {
     | dict.fromkeys(("diff", "total", "total_miss"), "≈ 80"),
 }
 NONE = "-"
+
+
+class PolicyResults(NamedTuple):
+    """An evaluation in numbers, as `mean_curve` and `summarise_…` give them, and in words."""
+
+    curve: pd.DataFrame
+    summary: pd.DataFrame
+    rows: pd.DataFrame
+
+
+def policy_results(table: pd.DataFrame, index: str, resamples: int, seed: int) -> PolicyResults:
+    """What the rollouts of `table` come to, per "step" or per "grasp" (`index`)."""
+    summarise, rows = {
+        "step": (summarise_steps, step_rows),
+        "grasp": (summarise_grasps, grasp_rows),
+    }[index]
+    curve, summary = mean_curve(table, index, resamples, seed), summarise(table, resamples, seed)
+    return PolicyResults(curve, summary, rows(curve, summary))
 
 
 def step_rows(curve: pd.DataFrame, summary: pd.DataFrame) -> pd.DataFrame:

@@ -5,6 +5,7 @@ import os
 # Read once, when tactile_assets is imported.
 os.environ["TACTILE_PROFILE"] = "smoke"
 os.environ.pop("TACTILE_SHAPENET", None)
+os.environ.pop("TACTILE_REAL", None)
 
 import shutil
 import subprocess

@@ -1,15 +1,46 @@
 import json
+import shutil
 
 import pytest
 
-from tactile_assets.publish import BEGIN, END, README, RESULTS, readme_results, with_results
+from tactile_assets.publish import (
+    BEGIN,
+    END,
+    README,
+    RESULTS,
+    readme_results,
+    shown_run,
+    with_results,
+)
 from tactile_core.errors import TactileError
 
 
 def test_the_readmes_results_are_those_of_the_published_run():
-    assert with_results(README.read_text(), readme_results()) == README.read_text(), (
+    published = readme_results(shown_run())
+    assert with_results(README.read_text(), published) == README.read_text(), (
         "run: python -m tactile_assets.publish"
     )
+
+
+def test_the_readme_shows_the_study_where_one_is_published_and_else_the_laptops_run(tmp_path):
+    (tmp_path / "laptop").mkdir()
+    assert shown_run(tmp_path) == tmp_path / "laptop"
+    (tmp_path / "study").mkdir()
+    assert shown_run(tmp_path) == tmp_path / "study"
+
+
+def test_the_readme_has_the_tables_on_real_meshes_where_they_were_published(tmp_path):
+    run = shutil.copytree(RESULTS / "laptop", tmp_path / "laptop")
+    for file in run.glob("real_*.csv"):
+        file.unlink()
+    assert "real meshes" not in readme_results(run)
+    for name in ("per_step", "per_grasp"):
+        shutil.copy(run / f"{name}.csv", run / f"real_{name}.csv")
+    about = json.loads((run / "run.json").read_text()) | {"real samples": 195}
+    (run / "run.json").write_text(json.dumps(about))
+    text = readme_results(run)
+    assert "**On real meshes** (trained on generated ones only): 195 samples" in text
+    assert text.count("| oracle |") == 4
 
 
 def test_every_published_run_says_how_it_was_made():

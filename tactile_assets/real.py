@@ -1,0 +1,124 @@
+"""Generalisation: the same policies on real meshes, which exist where TACTILE_REAL names some."""
+
+from typing import TYPE_CHECKING
+
+import dagster as dg
+import pandas as pd
+from upath import UPath
+
+from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.dataset import decoded
+from tactile_assets.evaluation import (
+    EVALUATION,
+    PerGraspConfig,
+    PerStepConfig,
+    per_grasp,
+    per_step,
+)
+from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.resources import OWNERS, Store, counts, markdown, stored
+from tactile_core.errors import TactileError
+from tactile_core.settings import MeshSettings
+
+if TYPE_CHECKING:
+    from tactile_core.dataset.shapes import Shapes
+
+MESHES = PROFILE.meshes.model_copy(update={"location": PROFILE.real})
+PREFIX = "real_"  # of the figures: those of the test split stay
+
+
+@defaults(MESHES)
+class RealConfig(StageConfig, MeshSettings):
+    """Where the real meshes come from."""
+
+
+@dg.asset(
+    group_name="evaluation",
+    kinds={"shapenet", "trimesh", "parquet"},
+    owners=OWNERS,
+    code_version=code_version(1, MESHES, PROFILE.masks, PROFILE.splits),
+    io_manager_key="tables",
+)
+def real_shapes(
+    context: dg.AssetExecutionContext, config: RealConfig, store: Store
+) -> dg.MaterializeResult:
+    """Real meshes that nothing was trained on, as masks at random rotations.
+
+    They are read, rendered and rotated with the settings of the data set, and every one of them
+    is for testing. A mesh that cannot be used is set aside, and counted here with its reason.
+    """
+    from tactile_core.dataset.real import render_real
+    from tactile_core.figures.sheets import mask_sheet
+    from tactile_core.figures.style import png
+
+    table, aside = render_real(
+        config,
+        PROFILE.masks,
+        PROFILE.splits,
+        store.path("real_meshes"),
+        store.work(),
+        previous=store.previous("real_shapes"),
+        progress=context.log.info,
+    )
+    pictures, categories = decoded(table)
+    return stored(
+        table,
+        samples=len(table),
+        models=counts(table.drop_duplicates("model_id"), "split", "category"),
+        set_aside=len(aside),
+        **({"reasons": markdown(aside.head(20))} if len(aside) else {}),
+        sheet=store.picture("real_shapes.png", png(mask_sheet(pictures, categories))),
+    )
+
+
+@dg.asset(code_version=code_version(1, PROFILE.per_step), **EVALUATION)
+def real_per_step_evaluation(
+    context: dg.AssetExecutionContext,
+    config: PerStepConfig,
+    store: Store,
+    real_shapes: pd.DataFrame,
+    unet: TrainedUNet,
+    policies: list[UPath],
+) -> dg.MaterializeResult:
+    """Ten rays of every policy on every real sample: the Jaccard index after each.
+
+    The policies, the U-Net and the table are those of `per_step_evaluation`; only the shapes
+    are others, so the two tables side by side tell how well the training generalises.
+    """
+    test = shapes_for(unet, real_shapes)
+    return per_step(test, unet, policies, config, store, context.log.info, PREFIX)
+
+
+@dg.asset(code_version=code_version(1, PROFILE.per_grasp), **EVALUATION)
+def real_per_grasp_evaluation(
+    context: dg.AssetExecutionContext,
+    config: PerGraspConfig,
+    store: Store,
+    real_shapes: pd.DataFrame,
+    unet: TrainedUNet,
+    policies: list[UPath],
+) -> dg.MaterializeResult:
+    """Rays of every policy on real samples until ten touches are held: the Jaccard index at each.
+
+    The policies, the U-Net and the table are those of `per_grasp_evaluation`; only the shapes
+    are others, so the two tables side by side tell how well the training generalises.
+    """
+    test = shapes_for(unet, real_shapes)
+    return per_grasp(test, unet, policies, config, store, context.log.info, PREFIX)
+
+
+ASSETS = [real_shapes, real_per_step_evaluation, real_per_grasp_evaluation]
+
+
+def shapes_for(unet: TrainedUNet, real_shapes: pd.DataFrame) -> "Shapes":
+    """The real samples as arrays, with their outlines, where the U-Net can see them."""
+    from tactile_core.dataset.outlines import trace_outlines
+    from tactile_core.dataset.shapes import load_shapes
+
+    shapes = load_shapes(real_shapes, trace_outlines(real_shapes), "test")
+    if shapes.resolution != unet.resolution:
+        raise TactileError(
+            f"real_shapes have resolution {shapes.resolution}, as the profile says, and the U-Net "
+            f"was trained at {unet.resolution}: evaluate a U-Net of the profile's resolution"
+        )
+    return shapes
