@@ -84,6 +84,7 @@ def unet(
     after its last epoch.
     """
     from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.exploration.practice import practise
     from tactile_core.exploration.ray_touches import rays_and_outlines
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
@@ -92,14 +93,14 @@ def unet(
 
     work = store.work("unet")
     train = load_shapes(rotated_splits, outlines, "train")
-    trained = train_unet(
-        train,
-        load_shapes(rotated_splits, outlines, "eval"),
-        with_best_trial(config, unet_search),
-        work=work,
-        draw=rays_and_outlines(train, config.seed, config.free_space),
-        progress=context.log.info,
-    )
+    evaluation = load_shapes(rotated_splits, outlines, "eval")
+    settings = with_best_trial(config, unet_search)
+    report = context.log.info
+    practice = None
+    if settings.practice:
+        practice = practise(train, evaluation, settings, work=work / "practice", progress=report)
+    draw = rays_and_outlines(train, settings.seed, settings.free_space, practice)
+    trained = train_unet(train, evaluation, settings, work=work, draw=draw, progress=report)
     return dg.MaterializeResult(
         value=trained,
         data_version=dg.DataVersion(trained.version()),

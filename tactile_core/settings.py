@@ -122,6 +122,10 @@ class UNetSettings(Settings):
         False,
         description="Show the U-Net where rays have passed, too; the report's sees touches only.",
     )
+    practice: bool = Field(
+        False,
+        description="Train a first U-Net and a ray scorer, and learn from their rays as well.",
+    )
     seed: int = SEED
 
 
@@ -226,7 +230,7 @@ PROFILES = {
     "study": Profile(
         name="study",
         search=LAPTOP_SEARCH,
-        unet=UNetSettings(epochs=80, patience=20, free_space=True),
+        unet=UNetSettings(epochs=60, patience=20, free_space=True, practice=True),
         policies=PolicySettings(
             seeds=[0, 1, 2], gain_iterations=600, gain_tries=12, gain_updates=3
         ),

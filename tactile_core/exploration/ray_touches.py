@@ -1,8 +1,10 @@
 """What rays feel, for training the U-Net on what it will meet.
 
 Rays touch what they see from outside first, so their touches lie otherwise than a uniform draw
-from the outline. Half of each batch stays uniform, as in the report (section V).
+from the outline. A part of each batch stays uniform, as in the report (section V).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,30 +15,46 @@ from tactile_core.reconstruction.batches import DrawFelt, outline_touches, touch
 
 RAYS = 10
 SEQUENCES = 8  # of each kind for each shape
-RAY_SHARE = 0.5
 
 
-def rays_and_outlines(shapes: Shapes, seed: int, free_space: bool) -> DrawFelt:
-    """Draws half of the images from touches of the outline, half as rays would make them.
+class RaySequences(NamedTuple):
+    """Ten rays in a row, S times for each of N shapes.
 
-    The latter are the touches of the first 1–10 rays of a sweep through the middle from any
-    angle, of candidate rays at random, or of a mixture of both; rays that miss leave fewer
-    touches. With `free_space` the images also show where these rays passed.
+    rays : (N, S, RAYS, 2) int, (alpha, beta)
+    touches : (N, S, RAYS, 2) int16, (row, column); (−1, −1) for a miss
+    """
+
+    rays: np.ndarray
+    touches: np.ndarray
+
+
+def rays_and_outlines(
+    shapes: Shapes, seed: int, free_space: bool, practice: RaySequences | None = None
+) -> DrawFelt:
+    """Draws images of outline touches, of what plain rays felt, and of `practice` if there is
+    any: as many of each.
+
+    An image of rays shows what the first 1–10 of a sequence felt; rays that miss leave fewer
+    touches. With `free_space` it also shows where these rays passed.
     """
     uniform = outline_touches(shapes)
-    rays, touches = ray_sequences(shapes, np.random.default_rng(seed))
+    plain = plain_sequences(shapes, np.random.default_rng(seed))
+    sources = [plain, practice] if practice else [plain]
 
     def draw(rng: np.random.Generator, indices: np.ndarray) -> np.ndarray:
         points, held = uniform(rng, indices)
-        which = indices, rng.integers(rays.shape[1], size=len(indices))
         cast = np.arange(RAYS) < rng.integers(1, RAYS + 1, (len(indices), 1))
-        by_rays = rng.random(len(indices)) < RAY_SHARE
-        made = touches[which]
-        points = np.where(by_rays[:, None, None], made, points)
-        held = np.where(by_rays[:, None], cast & (made[..., 0] >= 0), held)
+        source = rng.integers(len(sources) + 1, size=len(indices))
+        rays = np.zeros((len(indices), RAYS, 2), int)
+        for number, sequences in enumerate(sources, start=1):
+            which = np.flatnonzero(source == number)
+            chosen = indices[which], rng.integers(sequences.rays.shape[1], size=len(which))
+            rays[which], points[which] = sequences.rays[chosen], sequences.touches[chosen]
+            held[which] = cast[which] & (points[which, :, 0] >= 0)
         images = touch_images(points, held, shapes.resolution)
         if free_space:
-            images -= free_images(rays[which], made, cast & by_rays[:, None], shapes.resolution)
+            by_rays = cast & (source > 0)[:, None]
+            images -= free_images(rays, points, by_rays, shapes.resolution)
         return images
 
     return draw
@@ -58,9 +76,8 @@ def free_images(
     return free.astype(np.int8)
 
 
-def ray_sequences(shapes: Shapes, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Ten rays in a row, many times for each of N shapes: rays (N, 3 · SEQUENCES, RAYS, 2) int
-    and touches, int16 of the same shape, (−1, −1) for a miss."""
+def plain_sequences(shapes: Shapes, rng: np.random.Generator) -> RaySequences:
+    """Candidate rays at random, sweeps through the middle from any angle, and mixtures of both."""
     count = len(shapes) * SEQUENCES * RAYS
     candidates = candidate_rays(shapes.resolution).reshape(-1, 2)
     at_random = candidates[rng.integers(len(candidates), size=count)]
@@ -71,8 +88,9 @@ def ray_sequences(shapes: Shapes, rng: np.random.Generator) -> tuple[np.ndarray,
     owners = np.repeat(np.arange(len(shapes)), SEQUENCES * RAYS)
     shape = len(shapes), SEQUENCES, RAYS, 2
     kinds = at_random, sweeps, mixed
-    touches = [cast_rays(shapes.masks, rays, owners).reshape(shape) for rays in kinds]
-    return (
+    return RaySequences(
         np.concatenate([rays.reshape(shape) for rays in kinds], axis=1),
-        np.concatenate(touches, axis=1),
+        np.concatenate(
+            [cast_rays(shapes.masks, rays, owners).reshape(shape) for rays in kinds], axis=1
+        ),
     )

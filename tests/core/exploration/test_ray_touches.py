@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_core.exploration.ray_touches import RAYS, SEQUENCES, ray_sequences, rays_and_outlines
+from tactile_core.exploration.ray_touches import RAYS, SEQUENCES, plain_sequences, rays_and_outlines
 from tactile_core.exploration.rays import cast_rays, mark_free
 
 
@@ -36,7 +36,7 @@ def test_half_of_the_images_are_of_rays_and_only_those_show_free_space(shapes):
 def test_free_space_is_what_the_rays_of_a_sequence_passed(shapes):
     """Each image of rays is that of the first rays of some sequence of its shape."""
     train = shapes["train"]
-    rays, touches = ray_sequences(train, np.random.default_rng(5))
+    rays, touches = plain_sequences(train, np.random.default_rng(5))
     assert rays.shape == touches.shape == (len(train), 3 * SEQUENCES, RAYS, 2)
     possible = set()
     for some, ends in zip(rays[3], touches[3], strict=True):
