@@ -226,14 +226,12 @@ PROFILES = {
         # its single most likely ray hardly depends on what was felt.
         per_step=EvaluationSettings(deterministic=False),
     ),
-    # The laptop's data and nets, with free space seen, longer trainings and three seeds each.
+    # The laptop's data and nets, with free space seen, practice, and three seeds of each policy.
     "study": Profile(
         name="study",
         search=LAPTOP_SEARCH,
         unet=UNetSettings(epochs=60, patience=20, free_space=True, practice=True),
-        policies=PolicySettings(
-            seeds=[0, 1, 2], gain_iterations=600, gain_tries=12, gain_updates=3
-        ),
+        policies=PolicySettings(seeds=[0, 1, 2]),
         per_step=EvaluationSettings(deterministic=False),
     ),
     "paper": Profile(
