@@ -142,6 +142,7 @@ def curve(
     return {
         "samples": table["sample_id"].nunique(),
         "jaccard": markdown(results.rows),
+        "compared": markdown(results.comparison),
         "curves": store.picture(f"{prefix}{figure}", png(policy_curves(results.curve, index))),
     }
 

@@ -46,12 +46,13 @@ def publish(name: str) -> None:
         "hyperparameters": hyperparameter_rows(settings),
         "reconstruction": reconstruction_rows(reconstruction),
     }
-    for name, table in evaluations.items():
+    for title, table in evaluations.items():
         results = results_of(table)
         tables |= {
-            name: results.rows,
-            f"{name}_curve": results.curve,
-            f"{name}_summary": results.summary,
+            title: results.rows,
+            f"{title}_comparison": results.comparison,
+            f"{title}_curve": results.curve,
+            f"{title}_summary": results.summary,
         }
     about = run_facts(evaluations)  # before anything is written: the commit must not look changed
     for file in folder.glob("real_*.csv"):  # of an earlier run, that this one may not have
@@ -141,6 +142,14 @@ def readme_results(folder: Path) -> str:
         "**Per grasp**: Jaccard index at each touch (Figure 5)",
         table_of(folder / "per_grasp.csv"),
     ]
+    if (folder / "per_step_comparison.csv").exists():
+        parts += [
+            "**Beside the fixed rules**, per step: interquartile means, Jaccard points above `even` "
+            "and `coverage` on the same samples, and the probability of improvement over them",
+            table_of(folder / "per_step_comparison.csv"),
+            "The same per grasp",
+            table_of(folder / "per_grasp_comparison.csv"),
+        ]
     if (folder / "real_per_step.csv").exists():
         generated = "TACTILE_SHAPENET" not in about["command"]
         parts += [

@@ -95,6 +95,14 @@ def gap_closed(means: dict[str, np.ndarray], policy: str) -> np.ndarray:
     return (means[policy] - means["random"]) / np.where(room > 0, room, np.nan)
 
 
+def points_above(means: dict[str, np.ndarray], policy: str, bar: str) -> np.ndarray:
+    """Mean of `policy` less that of `bar` in each weighting, (1 + B,): both on the same samples,
+    so that hard shapes weigh on both. NaN where `bar` is absent or the policy itself."""
+    if bar not in means or bar == policy:
+        return np.full_like(means[policy], np.nan)
+    return means[policy] - means[bar]
+
+
 def probability_of_improvement(
     scores: dict[str, np.ndarray], policy: str, bar: str, weights: Weights
 ) -> np.ndarray:

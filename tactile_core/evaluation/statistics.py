@@ -17,6 +17,7 @@ from tactile_core.evaluation.bootstrap import (
     gap_closed,
     interquartile_mean,
     interval,
+    points_above,
     probability_of_improvement,
     weighted_means,
 )
@@ -101,7 +102,8 @@ def summarise_steps(per_step: pd.DataFrame, resamples: int = 2000, seed: int = 0
     `last` (after the last ray), `mean` (over all rays), and their interquartile means `last_iqm`,
     `mean_iqm`. Shares, 0 to 1: `last_gap`, `mean_gap` (gap closed between random and oracle),
     and `last_over_even`, `mean_over_even`, `last_over_coverage`, `mean_over_coverage`
-    (probability of improvement). Counts per rollout: `hits` (rays that met the shape) and
+    (probability of improvement). `last_above_even` and so on: Jaccard points above that rule
+    on the same samples. Counts per rollout: `hits` (rays that met the shape) and
     `touches` (distinct touches). A quantity whose reference policy is absent is null.
     """
     rollouts = read_rollouts(per_step, "step", ["jaccard", "missed", "touches"])
@@ -163,6 +165,7 @@ def _summary(
             )
             columns[f"{name}_gap"] = gap_closed(means, policy)
             for bar in BARS:
+                columns[f"{name}_above_{bar}"] = points_above(means, policy, bar)
                 columns[f"{name}_over_{bar}"] = probability_of_improvement(
                     of_policy, policy, bar, weights
                 )

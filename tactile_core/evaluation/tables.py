@@ -34,6 +34,7 @@ class PolicyResults(NamedTuple):
     curve: pd.DataFrame
     summary: pd.DataFrame
     rows: pd.DataFrame
+    comparison: pd.DataFrame
 
 
 def policy_results(table: pd.DataFrame, index: str, resamples: int, seed: int) -> PolicyResults:
@@ -43,7 +44,7 @@ def policy_results(table: pd.DataFrame, index: str, resamples: int, seed: int) -
         "grasp": (summarise_grasps, grasp_rows),
     }[index]
     curve, summary = mean_curve(table, index, resamples, seed), summarise(table, resamples, seed)
-    return PolicyResults(curve, summary, rows(curve, summary))
+    return PolicyResults(curve, summary, rows(curve, summary), comparison_rows(summary))
 
 
 def step_rows(curve: pd.DataFrame, summary: pd.DataFrame) -> pd.DataFrame:
@@ -87,7 +88,7 @@ def policy_rows(curve: pd.DataFrame, summary: pd.DataFrame, index: str) -> pd.Da
 
 
 def comparison_rows(summary: pd.DataFrame) -> pd.DataFrame:
-    """Interquartile means, and the probability of improvement over the fixed rules.
+    """Interquartile means, and how far and how probably a policy is above the fixed rules.
 
     Each after the last ray or touch ("end"), and for the mean over all of them ("mean").
     """
@@ -98,9 +99,13 @@ def comparison_rows(summary: pd.DataFrame) -> pd.DataFrame:
             "IQM, mean": around(*quantity(policy, "mean_iqm")),
         }
         | {
-            f"over {bar}, {when}": between(*quantity(policy, f"{score}_over_{bar}"))
+            column: text
             for bar in ("even", "coverage")
             for score, when in (("last", "end"), ("mean", "mean"))
+            for column, text in (
+                (f"above {bar}, {when}", above(*quantity(policy, f"{score}_above_{bar}"))),
+                (f"P(> {bar}), {when}", between(*quantity(policy, f"{score}_over_{bar}"))),
+            )
         }
         for _, policy in summary.iterrows()
     )
@@ -141,6 +146,11 @@ def quantity(row: pd.Series, name: str) -> tuple[float, float, float]:
 def around(value: float, low: float, high: float) -> str:
     """87.5 ±1.0"""
     return NONE if pd.isna(value) else f"{value:.1f} ±{(high - low) / 2:.1f}"
+
+
+def above(value: float, low: float, high: float) -> str:
+    """+3.4 (2.9 to 3.9), in Jaccard points"""
+    return NONE if pd.isna(value) else f"{value:+.1f} ({low:.1f} to {high:.1f})"
 
 
 def around_percent(value: float, low: float, high: float) -> str:

@@ -205,6 +205,20 @@ def test_the_probability_of_improvement_is_the_mean_mann_whitney_u() -> None:
     assert np.isnan(summary.loc["even", "last_over_even"])
 
 
+def test_points_above_a_rule_are_taken_on_the_same_samples() -> None:
+    """Where a policy is two points better on every sample the interval has no width."""
+    generator = np.random.default_rng(4)
+    even = generator.uniform(20, 80, (1, 12, 3))
+    scores = {"even": even, "diff": np.concatenate([even + 1, even + 3])[[0, 1]]}
+    models = [model for model in "abcdef" for _ in range(2)]
+    row = summarise_steps(table(scores, models)).set_index("policy").loc["diff"]
+    assert row["mean_above_even"] == pytest.approx(2)
+    assert row["mean_above_even_low"] == pytest.approx(1)  # both seeds drawn alike
+    scores["diff"] = even + 2
+    row = summarise_steps(table(scores, models)).set_index("policy").loc["diff"]
+    assert row["last_above_even_low"] == pytest.approx(row["last_above_even_high"])
+
+
 def test_without_random_or_oracle_there_is_no_gap_to_close() -> None:
     summary = summarise_steps(random_table({"diff": 1, "oracle": 1}), resamples=10)
     assert summary[["last_gap", "mean_gap_low", "last_over_coverage"]].isna().all(axis=None)

@@ -90,8 +90,9 @@ def test_a_quantity_without_its_reference_is_a_dash() -> None:
     summary = summarise_steps(table)
     assert (step_rows(mean_curve(table), summary)[["gap at 10", "gap, mean"]] == "-").all(axis=None)
     compared = comparison_rows(summary).set_index("policy")
-    assert compared.loc["total", "over even, end"] == "0.00 (0.00-0.00)"
-    assert (compared[["over coverage, end", "over coverage, mean"]] == "-").all(axis=None)
+    assert compared.loc["total", "P(> even), end"] == "0.00 (0.00-0.00)"
+    assert compared.loc["total", "above even, end"] == "-5.0 (-5.0 to -5.0)"
+    assert (compared[["P(> coverage), end", "above coverage, mean"]] == "-").all(axis=None)
 
 
 def test_the_reconstruction_table_stands_beside_the_report_s() -> None:
