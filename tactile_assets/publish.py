@@ -11,6 +11,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -69,15 +70,16 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
     """What, where and when: everything needed to make the same run again."""
     variables = [f"{name}={os.environ[name]} " for name in SETTINGS if os.environ.get(name)]
     per_step = evaluations["per_step"]
+    run_config, length = last_run()
     facts = {
-        "command": "".join(variables) + "make run",
+        "command": "".join(variables) + command(run_config),
         "commit": commit(),
         "profile": PROFILE.name,
         "test samples": int(per_step["sample_id"].nunique()),
         "seeds": sorted(int(seed) for seed in per_step["seed"].unique()),
         "machine": f"{os.cpu_count()} × {processor()}, {memory_gib()} GiB, {platform.system()}",
         "python": platform.python_version(),
-        **last_run(),
+        **length,
     }
     if "real_per_step" in evaluations:
         facts["real samples"] = int(evaluations["real_per_step"]["sample_id"].nunique())
@@ -85,6 +87,13 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
 
 
 SETTINGS = ("TACTILE_PROFILE", "TACTILE_SHAPENET", "TACTILE_REAL")
+
+
+def command(run_config: Mapping[str, Any]) -> str:
+    """What starts a run of every asset with this run configuration."""
+    if not run_config:
+        return "make run"
+    return f"dagster asset materialize --select '*' --config-json '{json.dumps(run_config)}'"
 
 
 def commit() -> str:
@@ -107,8 +116,9 @@ def memory_gib() -> int:
     return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30)
 
 
-def last_run() -> dict[str, Any]:
-    """Start (UTC) and length of the last successful run of every asset."""
+def last_run() -> tuple[Mapping[str, Any], dict[str, Any]]:
+    """Run configuration of the last successful run of every asset; and its start (UTC) and length
+    in minutes."""
     finished = dg.RunsFilter(statuses=[dg.DagsterRunStatus.SUCCESS])
     with dg.DagsterInstance.get() as instance:
         for record in instance.get_run_records(finished, limit=50):
@@ -116,7 +126,8 @@ def last_run() -> dict[str, Any]:
             if (keys is None or len(keys) >= 11) and record.start_time and record.end_time:
                 started = pd.Timestamp(record.start_time, unit="s")
                 minutes = (record.end_time - record.start_time) / 60
-                return {"started": f"{started:%Y-%m-%d %H:%M} UTC", "minutes": round(minutes, 1)}
+                length = {"started": f"{started:%Y-%m-%d %H:%M} UTC", "minutes": round(minutes, 1)}
+                return record.dagster_run.run_config, length
     raise TactileError("no run of all assets has succeeded: make run first")
 
 
@@ -144,8 +155,8 @@ def readme_results(folder: Path) -> str:
     ]
     if (folder / "per_step_comparison.csv").exists():
         parts += [
-            "**Beside the fixed rules**, per step: interquartile means, Jaccard points above `even` "
-            "and `coverage` on the same samples, and the probability of improvement over them",
+            "**Beside the fixed rules**, per step: interquartile means, Jaccard points above `even`"
+            " and `coverage` on the same samples, and the probability of improvement over them",
             table_of(folder / "per_step_comparison.csv"),
             "The same per grasp",
             table_of(folder / "per_grasp_comparison.csv"),
