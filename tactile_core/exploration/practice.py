@@ -65,7 +65,10 @@ def practise(
     practices = [Practice(gain, strays) for strays in (0, 0.1, 0.2, 0.4)]
     practices += [Practice(coverage, strays) for strays in (0.1, 0.2)]
     rng = np.random.default_rng(settings.seed)
-    recorded = [record(some, train, reconstructor, rng) for some in practices]
+    recorded = []
+    for number, some in enumerate(practices, start=1):
+        recorded.append(record(some, train, reconstructor, rng))
+        progress(f"practice: {number}/{len(practices)} runs recorded, {some.policy.name}")
     sequences = RaySequences(*(np.stack(arrays, axis=1) for arrays in zip(*recorded, strict=True)))
     save_checkpoint(finished, key, sequences._asdict())
     (work / "gain" / "checkpoint.pt").unlink(missing_ok=True)

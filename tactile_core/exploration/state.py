@@ -92,10 +92,26 @@ class Explorations:
         self.touches[gained, rows[gained], columns[gained]] = 1
         changed = new | (freed > 0) if self.reconstructor.free_space else new
         if changed.any():
-            predictions = self.reconstructor.predict(self.felt(changed))
-            self.predictions[changed] = predictions
-            self.jaccard[changed] = jaccard_index(predictions, self.masks[changed])
+            self.predictions[changed] = self.predict(changed, touches)
+            self.jaccard[changed] = jaccard_index(self.predictions[changed], self.masks[changed])
         return Cast(touches, missed, repeated, before, self.jaccard.copy())
+
+    def predict(self, which: np.ndarray, touches: np.ndarray) -> np.ndarray:
+        """Predictions, (n, R, R) float32, of the n explorations that `which` (N,) bool selects.
+
+        touches : (N, 2) int16, the latest ones; where the U-Net sees nothing but one touch, its
+            prediction is looked up
+        """
+        table = None if self.reconstructor.free_space else self.reconstructor.single_touches
+        if table is None:
+            return self.reconstructor.predict(self.felt(which))
+        places = touches[which] - self.resolution // 4
+        inside = ((places >= 0) & (places < self.resolution // 2)).all(axis=1)
+        single = inside & (self.held[which] == 1)
+        predictions = np.empty((len(single), *self.predictions.shape[1:]), np.float32)
+        predictions[single] = table[tuple(places[single].T)]
+        predictions[~single] = self.reconstructor.predict(self.felt(which)[~single])
+        return predictions
 
     def felt(self, which: np.ndarray | slice = EVERY) -> np.ndarray:
         """What the U-Net sees, (N, R, R) int8: 1 at a touch, −1 at free space if it sees that."""

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_core.exploration.rays import candidate_rays
+from tactile_core.exploration.references import towards_middle
 from tactile_core.exploration.state import ARRAYS, Explorations
 from tactile_core.reconstruction.jaccard import jaccard_index
 
@@ -89,11 +90,25 @@ def test_the_u_net_is_asked_again_only_where_more_was_felt(
     monkeypatch.setattr(
         either_reconstructor, "predict", lambda felt: asked.append(len(felt)) or predict(felt)
     )
-    rays = np.where(np.arange(8)[:, None] % 2, candidate_rays(64)[:8, 5], candidate_rays(64)[:8, 0])
-    cast = explorations.cast(rays)
-    assert 0 < cast.missed.sum() < 8
-    explorations.cast(rays)  # along the same ways to the same touches
-    assert asked == [8 if either_reconstructor.free_space else (~cast.missed).sum()]
+    first, second = candidate_rays(64)[:8, 5], candidate_rays(64)[18:26, 5]
+    second = np.where(np.arange(8)[:, None] % 2, second, candidate_rays(64)[:8, 0])
+    assert not explorations.cast(first).missed.any()
+    cast = explorations.cast(second)
+    new = ~(cast.missed | cast.repeated)
+    assert 0 < new.sum() < 8
+    explorations.cast(second)  # along the same ways to the same touches
+    # Predictions of a first touch are looked up where nothing but touches is seen.
+    assert asked == ([8, 8] if either_reconstructor.free_space else [0, new.sum()])
+
+
+def test_a_first_touch_outside_the_middle_half_is_seen_as_the_u_net_sees_it(reconstructor):
+    mask = np.zeros((1, 64, 64), bool)
+    mask[0, 10, 20:44] = True
+    explorations = Explorations(mask, reconstructor)
+    cast = explorations.cast(towards_middle(np.array([np.pi]), 64))
+    assert cast.touches.tolist() == [[10, 31]] or cast.touches.tolist() == [[10, 32]]
+    expected = reconstructor.predict(explorations.touches)
+    np.testing.assert_allclose(explorations.predictions, expected, atol=1e-5)
 
 
 def test_what_a_policy_sees_is_the_reconstruction_and_the_touches(shapes, reconstructor):
