@@ -12,7 +12,7 @@ import numpy as np
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.exploration.gains import train_scorer
+from tactile_core.exploration.gain_learner import train_scorer
 from tactile_core.exploration.policies import Policy, ScorerPolicy
 from tactile_core.exploration.ray_touches import RAYS, RaySequences, rays_and_outlines
 from tactile_core.exploration.rays import candidate_rays

@@ -11,7 +11,7 @@ from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.approaches import find_approach
-from tactile_core.exploration.gains import train_scorer
+from tactile_core.exploration.gain_learner import train_scorer
 from tactile_core.exploration.policies import PPO_FILE, SCORER_FILE
 from tactile_core.exploration.ppo import train_ppo
 from tactile_core.files import content_hash, write_table, written_whole

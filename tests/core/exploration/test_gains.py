@@ -7,12 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from tactile_core.exploration import gains
+from tactile_core.exploration import replay
 from tactile_core.exploration.circle import middle
-from tactile_core.exploration.gains import Replay, find_gains, first_of_each, train_scorer
+from tactile_core.exploration.gain_learner import train_scorer
+from tactile_core.exploration.gains import find_gains, first_of_each
 from tactile_core.exploration.policies import ScorerPolicy
 from tactile_core.exploration.rays import candidate_rays, cast_rays
 from tactile_core.exploration.references import find_reference
+from tactile_core.exploration.replay import Replay
 from tactile_core.exploration.scorer import (
     ANGLES,
     OFFSETS,
@@ -103,19 +105,19 @@ def test_the_first_few_of_each_owner_are_taken_in_the_order_given(owner, most):
 
 
 def test_the_replay_forgets_its_oldest_states(monkeypatch):
-    monkeypatch.setattr(gains, "REPLAY", 5)
-    replay = Replay(48, 2)
+    monkeypatch.setattr(replay, "REPLAY", 5)
+    kept = Replay(48, 2)
     for number in range(8):
-        replay.add(
+        kept.add(
             np.full((1, 3, 48, 48), number, np.uint8), np.array([number]),
             np.full((1, 2), number, np.float32), np.ones((1, 2), bool),
         )  # fmt: skip
-    assert sorted(replay.rays) == [3, 4, 5, 6, 7]
-    assert set(replay.draw(np.random.default_rng(0))) == set(range(5))
+    assert sorted(kept.rays) == [3, 4, 5, 6, 7]
+    assert set(kept.draw(np.random.default_rng(0))) == set(range(5))
     again = Replay(48, 2)
-    again.load_state(replay.state())
+    again.load_state(kept.state())
     for name in ("images", "rays", "gains", "known"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(replay, name))
+        np.testing.assert_array_equal(getattr(again, name), getattr(kept, name))
     assert again.seen == 8
 
 

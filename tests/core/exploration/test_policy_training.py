@@ -12,7 +12,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration import gains, ppo
+from tactile_core.exploration import gain_learner, ppo
 from tactile_core.exploration.approaches import find_approach
 from tactile_core.exploration.circle import circle_pixels, report_circle
 from tactile_core.exploration.policies import PPOPolicy, load_policy
@@ -93,7 +93,7 @@ def test_a_finished_training_leaves_tensorboard_curves_and_no_checkpoint(
     train, tmp_path, monkeypatch, approach
 ):
     monkeypatch.setattr(ppo, "RAYS_PER_CHECKPOINT", 256)
-    monkeypatch.setattr(gains, "ITERATIONS_PER_CHECKPOINT", 2)
+    monkeypatch.setattr(gain_learner, "ITERATIONS_PER_CHECKPOINT", 2)
     train(approach)
     assert not list((tmp_path / "work").rglob("*.pt"))
     events = EventAccumulator(str(tmp_path / "work" / "policy" / "tensorboard")).Reload()
@@ -130,7 +130,7 @@ def test_a_training_killed_and_started_again_ends_with_the_same_weights(
 ):
     """Killed before the first checkpoint, after it, and in the second stage."""
     monkeypatch.setattr(ppo, "RAYS_PER_CHECKPOINT", 256)
-    monkeypatch.setattr(gains, "ITERATIONS_PER_CHECKPOINT", 2)
+    monkeypatch.setattr(gain_learner, "ITERATIONS_PER_CHECKPOINT", 2)
     said = []
 
     def cut(message):
