@@ -52,8 +52,8 @@ def coverage(explorations: Explorations, rng: np.random.Generator) -> np.ndarray
     """Towards the predicted centroid, through the predicted outline's point farthest from all
     touches held.
 
-    A ray that gains no touch leaves the prediction as it was; the next one then goes on to
-    the point farthest from those already tried as well.
+    A ray that gains no touch changes little or nothing in the prediction; the next one then
+    goes on to the point farthest from those already tried as well.
     """
     return np.stack([_cover(explorations, index) for index in range(len(explorations))])
 
