@@ -8,6 +8,7 @@ from tactile_assets.publish import (
     END,
     README,
     RESULTS,
+    command,
     readme_results,
     shown_run,
     with_results,
@@ -41,6 +42,13 @@ def test_the_readme_has_the_tables_on_real_meshes_where_they_were_published(tmp_
     text = readme_results(run)
     assert "**On real meshes** (trained on generated ones only): 195 samples" in text
     assert text.count("| oracle |") == 4
+
+
+def test_a_run_is_told_by_the_command_that_makes_it_again():
+    assert command({}) == "make run"
+    settings = {"ops": {"masks": {"config": {"resolution": 128}}}}
+    _, _, given = command(settings).partition("--config-json ")
+    assert json.loads(given.strip("'")) == settings
 
 
 def test_every_published_run_says_how_it_was_made():

@@ -123,7 +123,7 @@ def test_the_real_rows_are_published_with_the_variable_and_leave_with_it(
         for part in ("", "_curve", "_summary"):
             assert len(pd.read_csv(folder / f"{name}{part}.csv")), name
     text = publish.readme_results(folder)
-    assert f"TACTILE_REAL={scans} make run" in text
+    assert f"TACTILE_REAL={scans} dagster asset materialize --select '*' --config-json" in text
     assert "**On real meshes** (trained on generated ones only): 4 samples" in text
 
     monkeypatch.delenv("TACTILE_REAL")
