@@ -9,7 +9,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from benchmarks.samples import CHANNELS, DEPTH, RESOLUTION, masks, shapes, untrained
 from benchmarks.timing import Pace, Row, Work, alternated, at_least, rate
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.reconstruction.batches import outline_touches, training_batches
+from tactile_core.reconstruction.batches import felt_outlines, training_batches
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.reconstruction.training import begin_training, train_epoch
 from tactile_core.reconstruction.unet import UNet
@@ -79,7 +79,7 @@ def our_training(some: Shapes) -> Work:
     training = begin_training(DEPTH, CHANNELS, LEARNING_RATE, seed=0)
 
     def work() -> float:
-        train_epoch(training, some, TRAINING_BATCH, outline_touches(some))
+        train_epoch(training, some, TRAINING_BATCH, felt_outlines(some))
         return len(some)
 
     return work
@@ -94,8 +94,8 @@ def plain_training(some: Shapes) -> Work:
     rng = np.random.default_rng(0)
 
     def work() -> float:
-        for touches, labels in training_batches(some, TRAINING_BATCH, rng, outline_touches(some)):
-            inputs = torch.from_numpy(touches).to(device, torch.float32)[:, None]
+        for felt, labels in training_batches(some, TRAINING_BATCH, rng, felt_outlines(some)):
+            inputs = torch.from_numpy(felt).to(device, torch.float32)[:, None]
             wanted = torch.from_numpy(labels).to(device, torch.float32)[:, None]
             loss = functional.binary_cross_entropy_with_logits(net(inputs), wanted)
             optimizer.zero_grad()
