@@ -16,7 +16,7 @@ from tactile_core.settings import PolicySettings
 
 @defaults(PROFILE.policies)
 class PolicyConfig(StageConfig, PolicySettings):
-    """PPO training of the policies."""
+    """Training of the policies."""
 
 
 class Training(NamedTuple):
@@ -119,12 +119,12 @@ def policy_config(config: PolicyConfig) -> dict[str, Any]:
 def policies(
     rotated_splits: pd.DataFrame, outlines: pd.DataFrame, unet: TrainedUNet
 ) -> dict[str, str]:
-    """Policies trained with PPO to choose the next ray from what was felt so far.
+    """Policies trained to choose the next ray from what was felt so far.
 
-    One for each training approach and seed: `diff` and `total` reward what a ray adds to the
-    Jaccard index or the index itself, with -10 for a miss or a repeat; `total_miss` and
-    `pre_diff_miss` begin without penalty. Each training is a step of its own, which is retried
-    and resumed on its own.
+    One for each training approach and seed. PPO trains the report's: `diff` and `total` reward
+    what a ray adds to the Jaccard index or the index itself, with -10 for a miss or a repeat;
+    `total_miss` and `pre_diff_miss` begin without penalty. `gain` learns what each of many
+    candidate rays adds. Each training is a step of its own, retried and resumed on its own.
     """
     trained = plan_trainings().map(
         lambda training: train_policy(
