@@ -36,7 +36,7 @@ EVALUATION: dict[str, Any] = {
 }
 
 
-@dg.asset(code_version=code_version(1, PROFILE.per_step), **EVALUATION)
+@dg.asset(code_version=code_version(2, PROFILE.per_step), **EVALUATION)
 def per_step_evaluation(
     context: dg.AssetExecutionContext,
     config: PerStepConfig,
@@ -50,7 +50,8 @@ def per_step_evaluation(
 
     Reference policies stand beside the trained ones: `random`, as in the report; `even`, a fixed
     sweep; `coverage` and `uncertainty`, which look at the reconstruction; and `oracle`, which
-    knows the shape and takes the best ray there is.
+    knows the shape and takes the best ray there is. `recall` tries the best rays of `gain` on
+    train shapes that agree with what was felt.
     """
     from tactile_core.dataset.shapes import load_shapes
 
@@ -58,7 +59,7 @@ def per_step_evaluation(
     return per_step(test, unet, policies, config, store, context.log.info)
 
 
-@dg.asset(code_version=code_version(1, PROFILE.per_grasp), **EVALUATION)
+@dg.asset(code_version=code_version(2, PROFILE.per_grasp), **EVALUATION)
 def per_grasp_evaluation(
     context: dg.AssetExecutionContext,
     config: PerGraspConfig,
@@ -91,13 +92,13 @@ def per_step(
 ) -> dg.MaterializeResult:
     """Figure 4's table on any shapes, with its figures under names that begin with `prefix`."""
     from tactile_core.evaluation.protocols import evaluate_per_step
-    from tactile_core.exploration.policies import load_policy
+    from tactile_core.exploration.policies import load_policies
     from tactile_core.figures.animation import rollout_gif
     from tactile_core.figures.rollouts import runs_figure, steps_figure
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.inference import Reconstructor
 
-    trained = [load_policy(directory, unet.resolution) for directory in policies]
+    trained = load_policies(policies, unet.resolution)
     reconstructor = Reconstructor(unet)
     table = evaluate_per_step(trained, test, reconstructor, config, progress)
     runs = example_runs(table, trained, test, reconstructor, config)
@@ -121,10 +122,10 @@ def per_grasp(
 ) -> dg.MaterializeResult:
     """Figure 5's table on any shapes, with its figure under a name that begins with `prefix`."""
     from tactile_core.evaluation.protocols import evaluate_per_grasp
-    from tactile_core.exploration.policies import load_policy
+    from tactile_core.exploration.policies import load_policies
     from tactile_core.reconstruction.inference import Reconstructor
 
-    trained = [load_policy(directory, unet.resolution) for directory in policies]
+    trained = load_policies(policies, unet.resolution)
     table = evaluate_per_grasp(trained, test, Reconstructor(unet), config, progress)
     return stored(table, **curve(table, "grasp", config, store, prefix))
 

@@ -113,7 +113,7 @@ def policy_config(config: PolicyConfig) -> dict[str, Any]:
     group_name="exploration",
     kinds={"gymnasium", "stablebaselines3", "pytorch"},
     owners=OWNERS,
-    code_version=code_version(1, PROFILE.policies),
+    code_version=code_version(2, PROFILE.policies),
     config=policy_config,
 )
 def policies(
@@ -124,7 +124,8 @@ def policies(
     One for each training approach and seed. PPO trains the report's: `diff` and `total` reward
     what a ray adds to the Jaccard index or the index itself, with -10 for a miss or a repeat;
     `total_miss` and `pre_diff_miss` begin without penalty. `gain` learns what each of many
-    candidate rays adds. Each training is a step of its own, retried and resumed on its own.
+    candidate rays adds; with it are stored the train shapes, which `recall` tries its rays on.
+    Each training is a step of its own, retried and resumed on its own.
     """
     trained = plan_trainings().map(
         lambda training: train_policy(

@@ -71,7 +71,7 @@ def real_shapes(
     )
 
 
-@dg.asset(code_version=code_version(1, PROFILE.per_step), **EVALUATION)
+@dg.asset(code_version=code_version(2, PROFILE.per_step), **EVALUATION)
 def real_per_step_evaluation(
     context: dg.AssetExecutionContext,
     config: PerStepConfig,
@@ -89,7 +89,7 @@ def real_per_step_evaluation(
     return per_step(test, unet, policies, config, store, context.log.info, PREFIX)
 
 
-@dg.asset(code_version=code_version(1, PROFILE.per_grasp), **EVALUATION)
+@dg.asset(code_version=code_version(2, PROFILE.per_grasp), **EVALUATION)
 def real_per_grasp_evaluation(
     context: dg.AssetExecutionContext,
     config: PerGraspConfig,

@@ -64,7 +64,8 @@ APPROACHES: dict[str, Approach] = {
         Approach(
             "gain",
             "Beyond the report: gives every candidate ray a value, learnt from what its touch "
-            "adds to the Jaccard index on train shapes.",
+            "adds to the Jaccard index on train shapes. `recall` comes with it: it tries the best "
+            "of these rays on train shapes that agree with what was felt.",
             learner="gains",
         ),
     )

@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,13 +14,18 @@ from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.circle import report_order
-from tactile_core.exploration.rays import candidate_rays
-from tactile_core.exploration.scorer import RayScorer, ray_values, scorer_images
+from tactile_core.exploration.recall import KnownShapes, known_shapes, try_rays
+from tactile_core.exploration.scorer import RayScorer, best_rays
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.inference import best_device
 
 PPO_FILE = "policy.zip"
 SCORER_FILE = "policy.safetensors"
+KNOWN_SHAPES = "known_shapes"  # in it, beside the weights
+
+TRIED = 16  # rays that `recall` tries, those of highest value
+RECALLED = 12  # known shapes that it tries each of them on
+PIXELS_AT_A_TIME = 2**26  # explorations are dealt with in portions, to bound its memory
 
 
 class Policy(Protocol):
@@ -75,18 +81,48 @@ class ScorerPolicy:
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
     ) -> np.ndarray:
-        candidates = candidate_rays(explorations.resolution).reshape(-1, 2)
-        values = ray_values(self.net, scorer_images(explorations), explorations.rays)
-        return candidates[values.argmax(axis=1)]
+        return best_rays(self.net, explorations)[:, 0]
 
 
-def load_policy(directory: UPath, resolution: int) -> Policy:
-    """The policy stored in `directory`; raises `TactileError` where it is missing, damaged or
-    made for another resolution."""
+class RecallPolicy:
+    """Tries the rays of highest value on known shapes that agree with what was felt, and casts the
+    one that is best on average."""
+
+    def __init__(self, seed: int, net: RayScorer, known: KnownShapes) -> None:
+        self.name = "recall"
+        self.seed = seed
+        self.net = net
+        self.known = known
+
+    def choose(
+        self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
+    ) -> np.ndarray:
+        portion = max(1, PIXELS_AT_A_TIME // (TRIED * RECALLED * explorations.resolution**2))
+        chosen = []
+        for start in range(0, len(explorations), portion):
+            indices = np.arange(start, min(start + portion, len(explorations)))
+            some = explorations.select(indices)
+            rays = best_rays(self.net, some, TRIED)
+            expected = try_rays(some, rays, self.known.draw(some, RECALLED, rng)).mean(axis=2)
+            chosen.append(rays[np.arange(len(rays)), expected.argmax(axis=1)])
+        return np.concatenate(chosen)
+
+
+def load_policies(directories: Iterable[UPath], resolution: int) -> list[Policy]:
+    """The policies stored in each of `directories`: the trained one and, where that is a ray
+    scorer, `recall` as well, which needs no training of its own.
+
+    Raises `TactileError` where one is missing, damaged or made for another resolution.
+    """
+    return [policy for directory in directories for policy in stored_in(directory, resolution)]
+
+
+def stored_in(directory: UPath, resolution: int) -> list[Policy]:
     try:
         about = json.loads((directory / "settings.json").read_bytes())
         stored = (directory / (SCORER_FILE if is_scorer(about) else PPO_FILE)).read_bytes()
-        policy = scorer_policy(about, stored) if is_scorer(about) else ppo_policy(about, stored)
+        load = scorer_policies if is_scorer(about) else ppo_policies
+        policies = load(about, stored)
         trained_at = about["resolution"]
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
@@ -97,19 +133,24 @@ def load_policy(directory: UPath, resolution: int) -> Policy:
             f"{directory} was trained at resolution {trained_at}, the U-Net is at "
             f"{resolution}: materialise policies again"
         )
-    return policy
+    return policies
 
 
-def scorer_policy(about: dict[str, Any], stored: bytes) -> Policy:
+def scorer_policies(about: dict[str, Any], stored: bytes) -> list[Policy]:
+    tensors = safetensors.torch.load(stored)
+    known = known_shapes(tensors.pop(KNOWN_SHAPES).numpy().tobytes(), about["resolution"])
     net = RayScorer().to(best_device()).eval()
-    net.load_state_dict(safetensors.torch.load(stored))
-    return ScorerPolicy(about["approach"], about["seed"], net)
+    net.load_state_dict(tensors)
+    return [
+        ScorerPolicy(about["approach"], about["seed"], net),
+        RecallPolicy(about["seed"], net, known),
+    ]
 
 
-def ppo_policy(about: dict[str, Any], stored: bytes) -> Policy:
+def ppo_policies(about: dict[str, Any], stored: bytes) -> list[Policy]:
     model = PPO.load(io.BytesIO(stored), device=best_device())
     model.policy.set_training_mode(False)
-    return PPOPolicy(about["approach"], about["seed"], model)
+    return [PPOPolicy(about["approach"], about["seed"], model)]
 
 
 def is_scorer(about: dict[str, Any]) -> bool:

@@ -61,6 +61,13 @@ def ray_values(net: RayScorer, images: np.ndarray, rays: np.ndarray) -> np.ndarr
     return np.concatenate(parts)
 
 
+def best_rays(net: RayScorer, explorations: Explorations, count: int = 1) -> np.ndarray:
+    """The `count` candidate rays of highest value for each exploration, (N, count, 2) int."""
+    values = ray_values(net, scorer_images(explorations), explorations.rays)
+    best = np.argsort(-values, axis=1, kind="stable")[:, :count]
+    return candidate_rays(explorations.resolution).reshape(-1, 2)[best]
+
+
 class Neighbours(nn.Module):
     """Residual 3×3 convolution over neighbouring rays, circular in angle, with their mean."""
 

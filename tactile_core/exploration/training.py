@@ -12,8 +12,9 @@ from upath import UPath
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.approaches import find_approach
 from tactile_core.exploration.gain_learner import train_scorer
-from tactile_core.exploration.policies import PPO_FILE, SCORER_FILE
+from tactile_core.exploration.policies import KNOWN_SHAPES, PPO_FILE, SCORER_FILE
 from tactile_core.exploration.ppo import train_ppo
+from tactile_core.exploration.recall import pack
 from tactile_core.files import content_hash, write_table, written_whole
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.reconstruction.trained import TrainedUNet
@@ -34,9 +35,9 @@ def train_policy(
     """Train `approach` with `seed` on the train shapes and store it in `directory`.
 
     Returns a hash of the policy's weights. `directory` receives policy.zip (an SB3 PPO) or
-    policy.safetensors (a ray scorer), curve.parquet and, last, settings.json; `work` holds
-    TensorBoard curves and the checkpoint of a training under way. Raises `TactileError` for
-    an unknown approach.
+    policy.safetensors (a ray scorer, and the shapes that `recall` knows), curve.parquet and, last,
+    settings.json; `work` holds TensorBoard curves and the checkpoint of a training under way.
+    Raises `TactileError` for an unknown approach.
     """
     recipe = find_approach(approach)
     if best_device().type == "cpu":
@@ -51,7 +52,7 @@ def train_policy(
             f"{approach} seed {seed}", seed, train, reconstructor, settings,
             key=key, work=work, progress=progress,
         )  # fmt: skip
-        weights = net.state_dict()
+        weights = net.state_dict() | {KNOWN_SHAPES: torch.from_numpy(pack(train.masks))}
         stored, name = safetensors.torch.save(weights), SCORER_FILE
     else:
         model, curve = train_ppo(

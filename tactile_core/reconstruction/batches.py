@@ -16,6 +16,7 @@ DrawTouches = Callable[[np.random.Generator, np.ndarray], tuple[np.ndarray, np.n
 DrawFelt = Callable[[np.random.Generator, np.ndarray], np.ndarray]
 
 FEWEST, MOST = 1, 10  # touches held, as the report trains (section V)
+ORIENTATIONS = 8
 
 
 @dataclass(frozen=True)
@@ -82,12 +83,12 @@ def training_batches(
     order = rng.permutation(len(shapes))[:samples]
     for start in range(0, len(order), batch_size):
         indices = order[start : start + batch_size]
-        yield orient(draw(rng, indices), shapes.masks[indices], int(rng.integers(8)))
+        felt, masks = draw(rng, indices), shapes.masks[indices]
+        orientation = int(rng.integers(ORIENTATIONS))
+        yield orient(felt, orientation), orient(masks, orientation)
 
 
-def orient(felt: np.ndarray, masks: np.ndarray, orientation: int) -> tuple[np.ndarray, np.ndarray]:
-    """Both (B, R, R) arrays in one of eight orientations: quarter turns, then a flip."""
-    turned = [np.rot90(images, orientation % 4, axes=(1, 2)) for images in (felt, masks)]
-    if orientation >= 4:
-        turned = [images[:, :, ::-1] for images in turned]
-    return np.ascontiguousarray(turned[0]), np.ascontiguousarray(turned[1])
+def orient(images: np.ndarray, orientation: int) -> np.ndarray:
+    """Images (B, R, R) in one of eight orientations: quarter turns, then a flip."""
+    turned = np.rot90(images, orientation % 4, axes=(1, 2))
+    return np.ascontiguousarray(turned[:, :, ::-1] if orientation >= 4 else turned)

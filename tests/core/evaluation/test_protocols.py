@@ -13,7 +13,7 @@ from tactile_core.evaluation.protocols import (
     record_rollout,
 )
 from tactile_core.exploration.circle import circle_pixels
-from tactile_core.exploration.policies import Policy, load_policy
+from tactile_core.exploration.policies import Policy, load_policies
 from tactile_core.exploration.references import REFERENCES, find_reference
 from tactile_core.exploration.state import Explorations
 from tactile_core.exploration.training import train_policy
@@ -30,15 +30,13 @@ def trained(shapes, unet, tmp_path_factory) -> list[Policy]:
     quick = PolicySettings(
         steps_per_stage=128, environments=4, rays_per_rollout=32, batch_size=32, epochs=1
     )
-    policies = []
-    for seed in (0, 1):
-        directory = UPath(folder) / f"total-{seed}"
+    directories = [UPath(folder) / f"total-{seed}" for seed in (0, 1)]
+    for seed, directory in enumerate(directories):
         train_policy(
             "total", seed, shapes["train"], unet, quick,
             directory=directory, work=folder / "work" / str(seed),
         )  # fmt: skip
-        policies.append(load_policy(directory, 64))
-    return policies
+    return load_policies(directories, 64)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration import gain_learner, ppo
 from tactile_core.exploration.approaches import find_approach
 from tactile_core.exploration.circle import circle_pixels, report_circle
-from tactile_core.exploration.policies import PPOPolicy, load_policy
+from tactile_core.exploration.policies import PPOPolicy, load_policies
 from tactile_core.exploration.ppo import train_ppo
 from tactile_core.exploration.references import find_reference
 from tactile_core.exploration.state import Explorations
@@ -200,7 +200,8 @@ def test_a_stored_policy_casts_the_rays_of_the_trained_one(
         key="", work=tmp_path / "direct", progress=print,
     )  # fmt: skip
     train("total")
-    trained, stored = PPOPolicy("total", 0, model), load_policy(UPath(tmp_path) / "policy", 64)
+    trained = PPOPolicy("total", 0, model)
+    [stored] = load_policies([UPath(tmp_path) / "policy"], 64)
     assert (stored.name, stored.seed) == ("total", 0)
     for deterministic in (True, False):
         rays = [
@@ -213,7 +214,7 @@ def test_a_stored_policy_casts_the_rays_of_the_trained_one(
 def test_a_trained_policy_acts_as_stable_baselines_would(train, explorations, tmp_path):
     train("diff")
     model = PPO.load(tmp_path / "policy" / "policy.zip")
-    policy = load_policy(UPath(tmp_path) / "policy", 64)
+    [policy] = load_policies([UPath(tmp_path) / "policy"], 64)
     actions, _ = model.predict(explorations.observations(), deterministic=True)
     rays = policy.choose(explorations, np.random.default_rng(0), deterministic=True)
     np.testing.assert_array_equal(circle_pixels(64)[rays], report_circle(64)[actions])
@@ -222,7 +223,7 @@ def test_a_trained_policy_acts_as_stable_baselines_would(train, explorations, tm
 def test_stochastic_rays_are_drawn_with_the_policy_s_probabilities(train, explorations, tmp_path):
     settings = QUICK.model_copy(update={"entropy": 0.0, "learning_rate": 3e-3, "epochs": 8})
     train("pre_diff_miss", settings=settings)
-    policy = load_policy(UPath(tmp_path) / "policy", 64)
+    [policy] = load_policies([UPath(tmp_path) / "policy"], 64)
     one = explorations.select(np.zeros(100, int))
     rng = np.random.default_rng(0)
     draws = np.concatenate([policy.choose(one, rng, deterministic=False) for _ in range(20)])
@@ -238,7 +239,7 @@ def test_stochastic_rays_are_drawn_with_the_policy_s_probabilities(train, explor
 
 def test_the_random_generator_alone_decides_stochastic_rays(train, explorations, tmp_path):
     train("diff")
-    policy = load_policy(UPath(tmp_path) / "policy", 64)
+    [policy] = load_policies([UPath(tmp_path) / "policy"], 64)
     rays = [
         policy.choose(explorations, np.random.default_rng(seed), deterministic=False)
         for seed in (0, 0, 1)
@@ -251,7 +252,7 @@ def test_the_random_generator_alone_decides_stochastic_rays(train, explorations,
 def test_a_policy_of_another_resolution_is_refused(train, tmp_path, approach):
     train(approach)
     with pytest.raises(TactileError, match="trained at resolution 64, the U-Net is at 128"):
-        load_policy(UPath(tmp_path) / "policy", 128)
+        load_policies([UPath(tmp_path) / "policy"], 128)
 
 
 @pytest.mark.parametrize("approach", ["diff", "gain"])
@@ -265,8 +266,8 @@ def test_missing_and_damaged_policies_are_told_in_one_line(train, tmp_path, appr
             if damaged is not None:
                 (directory / name).write_bytes(damaged)
             with pytest.raises(TactileError, match="materialise policies") as refused:
-                load_policy(directory, 64)
+                load_policies([directory], 64)
             assert str(directory) in str(refused.value)
             assert "\n" not in str(refused.value)
             (directory / name).write_bytes(whole)
-    load_policy(directory, 64)
+    load_policies([directory], 64)
