@@ -15,7 +15,7 @@ from upath import UPath
 from tactile_core.errors import TactileError
 from tactile_core.exploration.circle import report_order
 from tactile_core.exploration.recall import KnownShapes, known_shapes, try_rays
-from tactile_core.exploration.scorer import RayScorer, best_rays
+from tactile_core.exploration.scorer import RayScorer, best_ray, best_rays_apart
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.inference import best_device
 
@@ -23,7 +23,7 @@ PPO_FILE = "policy.zip"
 SCORER_FILE = "policy.safetensors"
 KNOWN_SHAPES = "known_shapes"  # in it, beside the weights
 
-TRIED = 16  # rays that `recall` tries, those of highest value
+TRIED = 16  # rays that `recall` tries, of those of highest value
 RECALLED = 12  # known shapes that it tries each of them on
 PIXELS_AT_A_TIME = 2**26  # explorations are dealt with in portions, to bound its memory
 
@@ -81,7 +81,7 @@ class ScorerPolicy:
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
     ) -> np.ndarray:
-        return best_rays(self.net, explorations)[:, 0]
+        return best_ray(self.net, explorations)
 
 
 class RecallPolicy:
@@ -102,7 +102,7 @@ class RecallPolicy:
         for start in range(0, len(explorations), portion):
             indices = np.arange(start, min(start + portion, len(explorations)))
             some = explorations.select(indices)
-            rays = best_rays(self.net, some, TRIED)
+            rays = best_rays_apart(self.net, some, TRIED)
             expected = try_rays(some, rays, self.known.draw(some, RECALLED, rng)).mean(axis=2)
             chosen.append(rays[np.arange(len(rays)), expected.argmax(axis=1)])
         return np.concatenate(chosen)

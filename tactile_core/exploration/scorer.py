@@ -61,10 +61,22 @@ def ray_values(net: RayScorer, images: np.ndarray, rays: np.ndarray) -> np.ndarr
     return np.concatenate(parts)
 
 
-def best_rays(net: RayScorer, explorations: Explorations, count: int = 1) -> np.ndarray:
-    """The `count` candidate rays of highest value for each exploration, (N, count, 2) int."""
+def best_ray(net: RayScorer, explorations: Explorations) -> np.ndarray:
+    """The candidate ray of highest value for each exploration, (N, 2) int."""
     values = ray_values(net, scorer_images(explorations), explorations.rays)
-    best = np.argsort(-values, axis=1, kind="stable")[:, :count]
+    return candidate_rays(explorations.resolution).reshape(-1, 2)[values.argmax(axis=1)]
+
+
+def best_rays_apart(net: RayScorer, explorations: Explorations, count: int) -> np.ndarray:
+    """The `count` rays of highest value for each exploration, best first, (N, count, 2) int.
+
+    Neighbouring candidates meet nearly the same, so only every other one takes part, in angle and
+    offset as on a chessboard.
+    """
+    values = ray_values(net, scorer_images(explorations), explorations.rays)
+    angle, offset = np.divmod(np.arange(ANGLES * OFFSETS), OFFSETS)
+    apart = np.flatnonzero((angle + offset) % 2 == 0)
+    best = apart[np.argsort(-values[:, apart], axis=1, kind="stable")[:, :count]]
     return candidate_rays(explorations.resolution).reshape(-1, 2)[best]
 
 

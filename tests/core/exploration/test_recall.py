@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from tactile_core.exploration import policies, recall
 from tactile_core.exploration.policies import RecallPolicy
+from tactile_core.exploration.rays import candidate_rays
 from tactile_core.exploration.recall import KnownShapes, coarse, known_shapes, pack, try_rays
 from tactile_core.exploration.references import find_reference
-from tactile_core.exploration.scorer import RayScorer, best_rays
+from tactile_core.exploration.scorer import RayScorer, best_rays_apart, ray_values, scorer_images
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.batches import ORIENTATIONS, orient
 
@@ -117,10 +118,21 @@ def test_rays_are_tried_as_if_they_were_cast(shapes, either_reconstructor):
             np.testing.assert_allclose(scores[gained, ray, shape], cast.jaccard[gained], atol=1e-4)
 
 
+def test_the_rays_to_try_are_the_best_ones_that_are_not_neighbours(shapes, reconstructor, scorer):
+    explorations = explored(shapes["test"].masks[:3], reconstructor, rays=2)
+    values = ray_values(scorer, scorer_images(explorations), explorations.rays)
+    grid = candidate_rays(64).reshape(-1, 2)
+    apart = {tuple(grid[11 * a + b]) for a in range(36) for b in range(a % 2, 11, 2)}
+    for rays, some in zip(best_rays_apart(scorer, explorations, 5), values, strict=True):
+        best_first = [tuple(grid[index]) for index in np.argsort(-some, kind="stable")]
+        expected = [ray for ray in best_first if ray in apart][:5]
+        assert [tuple(ray) for ray in rays] == expected
+
+
 def test_recall_casts_the_best_of_the_rays_it_tried(known, shapes, reconstructor, scorer):
     explorations = explored(shapes["test"].masks, reconstructor, rays=2)
     rays = RecallPolicy(0, scorer, known).choose(explorations, np.random.default_rng(5), True)
-    tried = best_rays(scorer, explorations, policies.TRIED)
+    tried = best_rays_apart(scorer, explorations, policies.TRIED)
     recalled = known.draw(explorations, policies.RECALLED, np.random.default_rng(5))
     expected = try_rays(explorations, tried, recalled).mean(axis=2)
     for ray, some, scores in zip(rays, tried, expected, strict=True):
@@ -142,7 +154,7 @@ def test_every_portion_casts_rays_that_were_tried(
     explorations = explored(shapes["test"].masks, reconstructor, rays=2)
     monkeypatch.setattr(policies, "PIXELS_AT_A_TIME", 1)
     rays = RecallPolicy(0, scorer, known).choose(explorations, np.random.default_rng(0), True)
-    tried = best_rays(scorer, explorations, policies.TRIED)
+    tried = best_rays_apart(scorer, explorations, policies.TRIED)
     assert all((some == ray).all(axis=1).any() for ray, some in zip(rays, tried, strict=True))
 
 
