@@ -12,7 +12,7 @@ from tactile_core.reconstruction.unet import fuse_normalisation, place
 Precision = Literal["auto", "bfloat16", "float32"]
 
 # Larger batches leave the CPU's caches; on a GPU one pass takes them all.
-LARGEST_CPU_BATCH = 256
+LARGEST_CPU_BATCH = {torch.bfloat16: 256, torch.float32: 64}
 LARGEST_TABLE = 64  # resolution; 17 MB there, and sixteen times as much at twice that
 
 
@@ -49,7 +49,8 @@ class Reconstructor:
         felt : (N, R, R), 1 at a touch, 0 where nothing is known and, where the U-Net sees
             `free_space`, −1 where a ray has passed
         """
-        batch = LARGEST_CPU_BATCH if self.device.type == "cpu" else max(len(felt), 1)
+        on_cpu = self.device.type == "cpu"
+        batch = LARGEST_CPU_BATCH[self.dtype] if on_cpu else max(len(felt), 1)
         parts = [self._forward(felt[start : start + batch]) for start in range(0, len(felt), batch)]
         return np.concatenate(parts) if parts else np.zeros(felt.shape, np.float32)
 
