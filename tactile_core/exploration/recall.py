@@ -20,7 +20,7 @@ from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.batches import ORIENTATIONS, orient
 from tactile_core.reconstruction.jaccard import jaccard_index
 
-MOST = 4096  # shapes remembered; each takes 64 KiB, whatever the resolution
+MOST = 4096  # shapes remembered; at resolution 64 each takes 64 KiB
 COARSEST = 64  # resolution at which shapes and what was felt are compared
 # A touch speaks against a shape by its squared distance to that shape's outline, as under a normal
 # error of so many pixels; beyond the farthest, one stray touch should not rule a shape out.

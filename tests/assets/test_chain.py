@@ -83,7 +83,7 @@ def test_figures_lie_in_the_store(chain):
 def test_the_results_are_printed_with_where_to_look_further(chain):
     done = shell("python -m tactile_assets.results", chain.home)
     assert done.returncode == 0, done.stderr
-    for text in ("Table II", "Per step", "Per grasp", "oracle", "gain", "make ui"):
+    for text in ("Table II", "Per step", "Per grasp", "oracle", "gain", "recall", "make ui"):
         assert text in done.stdout
     assert str(chain.home / "artifacts" / "figures") in done.stdout
 
