@@ -108,13 +108,13 @@ def test_a_unet_worse_than_the_mean_shape_is_found(chain):
 
 def test_policies_no_better_than_random_are_found_and_only_warn_in_smoke(chain):
     table = read_table(chain.store.path("per_step_evaluation.parquet"))
-    trained = table["policy"].isin(["total", "gain"])
+    trained = table["policy"].isin(["total", "gain", "recall"])
     better = table.assign(jaccard=np.where(trained, 90.0, 50.0))
     assert checks.trained_policies_beat_random(better).passed
     worse = better.assign(jaccard=better["jaccard"].where(table["policy"] != "gain", 49.0))
     result = checks.trained_policies_beat_random(worse)
     assert not result.passed and result.severity == dg.AssetCheckSeverity.WARN
-    assert result.description == "1 of 2 policies do not beat random (50.0)"
+    assert result.description == "1 of 3 policies do not beat random (50.0)"
 
 
 def test_checks_can_be_run_alone_on_what_is_stored(copy_of_chain):
