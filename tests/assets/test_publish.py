@@ -40,8 +40,8 @@ def test_the_readme_has_the_tables_on_real_meshes_where_they_were_published(tmp_
     about = json.loads((run / "run.json").read_text()) | {"real samples": 195}
     (run / "run.json").write_text(json.dumps(about))
     text = readme_results(run)
-    assert "**On real meshes** (trained on generated ones only): 195 samples" in text
-    assert text.count("| oracle |") == 4
+    heading = "**On real meshes** (trained on generated ones only): 195 samples"
+    assert text.partition(heading)[2].count("| oracle |") == 2
 
 
 def test_a_run_is_told_by_the_command_that_makes_it_again():

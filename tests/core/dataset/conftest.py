@@ -1,4 +1,5 @@
-"""HTTP servers on loopback: Python's own, and one with ranges that can break off."""
+"""Collecting meshes, and HTTP servers on loopback to fetch them from: Python's own, and one with
+ranges that can break off."""
 
 import threading
 from collections.abc import Iterator
@@ -7,7 +8,13 @@ from functools import partial
 from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+import pandas as pd
 import pytest
+from upath import UPath
+
+from tactile_core.dataset.meshes import collect_meshes
+from tactile_core.settings import MeshSettings
+from tests.core.dataset.mesh_files import ONE
 
 
 @pytest.fixture(autouse=True)
@@ -15,6 +22,24 @@ def no_proxy_and_no_token(monkeypatch):
     """Loopback is reached directly, and a developer's own token stays out of the tests."""
     monkeypatch.setenv("NO_PROXY", "127.0.0.1,localhost")
     monkeypatch.delenv("HF_TOKEN", raising=False)
+
+
+@pytest.fixture
+def collect(tmp_path):
+    """Collect into `tmp_path/root`; the location is `tmp_path/source` unless another is given."""
+
+    def run(classes=ONE, location=tmp_path / "source", root=None, **options) -> pd.DataFrame:
+        wanted = MeshSettings(
+            classes=classes, location=None if location is None else str(location), **options
+        )
+        return collect_meshes(wanted, root or UPath(tmp_path / "root"), tmp_path / "cache")
+
+    return run
+
+
+@pytest.fixture
+def root(tmp_path) -> UPath:
+    return UPath(tmp_path / "root")
 
 
 def run(server: ThreadingHTTPServer) -> Iterator[ThreadingHTTPServer]:

@@ -1,195 +1,31 @@
-"""Meshes from archives, folders, servers and generators end up under one root, in one manifest."""
+"""Collecting: good meshes under one root in one manifest, bad ones set aside, nothing twice."""
 
-import io
 import os
 import random
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
-import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from upath import UPath
 
 from tactile_core.dataset.meshes import collect_meshes, load_mesh
-from tactile_core.dataset.places import source_fingerprint
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings
-
-REPOSITORY = Path(__file__).parents[3]
-SAMPLE = REPOSITORY / "../shared/data/shapenet_sample"
-MUG, BOTTLE = "03797390", "02876657"
-V1, V2 = "model.obj", "models/model_normalized.obj"
-ONE = {"mug": MUG}
-
-
-def obj(size: float = 1.0) -> bytes:
-    mesh = trimesh.creation.cylinder(1, size, sections=8)
-    return b"mtllib lost.mtl\n" + mesh.export(file_type="obj", header=None).encode()
-
-
-def make_zip(path: Path, members: dict[str, bytes]) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in members.items():
-            archive.writestr(name, data)
-    return path
-
-
-def make_folder(path: Path, files: dict[str, bytes]) -> Path:
-    for name, data in files.items():
-        (path / name).parent.mkdir(parents=True, exist_ok=True)
-        (path / name).write_bytes(data)
-    return path
-
-
-@pytest.fixture
-def collect(tmp_path):
-    """Collect into `tmp_path/root`; the location is `tmp_path/source` unless another is given."""
-
-    def run(classes=ONE, location=tmp_path / "source", root=None, **options) -> pd.DataFrame:
-        wanted = MeshSettings(
-            classes=classes, location=None if location is None else str(location), **options
-        )
-        return collect_meshes(wanted, root or UPath(tmp_path / "root"), tmp_path / "cache")
-
-    return run
-
-
-@pytest.fixture
-def root(tmp_path) -> UPath:
-    return UPath(tmp_path / "root")
-
-
-def refusal(collect, **options) -> str:
-    with pytest.raises(TactileError) as caught:
-        collect(**options)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
-
-
-def files_under(root: UPath) -> list[str]:
-    return sorted(p.relative_to(root).as_posix() for p in Path(root).rglob("*") if p.is_file())
-
-
-@pytest.mark.parametrize("tail", [V1, V2, "models/model.obj", "model_normalized.obj"])
-@pytest.mark.parametrize("above", [f"{MUG}/", ""])
-def test_both_shapenet_layouts_are_recognised_in_an_archive(collect, root, tmp_path, tail, above):
-    others = {
-        f"{above}b/models/solid.binvox": b"x",
-        f"{above}b/images/a.png": b"x",
-        "notes.txt": b"",
-    }
-    models = {f"{above}{name}/{tail}": obj(size) for name, size in [("b", 2), ("a", 1)]}
-    make_zip(tmp_path / f"source/{MUG}.zip", models | others)
-    manifest = collect()
-    assert manifest["model_id"].tolist() == ["a", "b"]
-    assert manifest["file"].tolist() == [f"{MUG}/a/{tail}", f"{MUG}/b/{tail}"]
-    assert (manifest["source"] == "archive").all()
-    assert (manifest["status"] == "ok").all()
-    assert files_under(root) == manifest["file"].tolist()  # and nothing else was unpacked
-
-
-@pytest.mark.parametrize("tail", [V1, V2])
-def test_an_extracted_archive_is_read_in_place(collect, root, tmp_path, tail):
-    make_folder(tmp_path / "source" / MUG, {f"a/{tail}": obj(), "a/texture.jpg": b"x"})
-    manifest = collect()
-    assert manifest["file"].tolist() == [f"{MUG}/a/{tail}"]
-    assert manifest["source"].tolist() == ["folder"]
-    assert files_under(root) == manifest["file"].tolist()
-
-
-def test_v2_is_preferred_where_a_model_has_both(collect, tmp_path):
-    make_zip(tmp_path / f"source/{MUG}.zip", {f"{MUG}/a/{V1}": obj(), f"{MUG}/a/{V2}": obj(2)})
-    assert collect()["file"].tolist() == [f"{MUG}/a/{V2}"]
-
-
-def test_an_archive_of_several_synsets_serves_each_class_with_its_own(collect, tmp_path):
-    members = {f"core/{MUG}/a/{V1}": obj(), f"core/{BOTTLE}/b/{V1}": obj(2)}
-    for synset in (MUG, BOTTLE):
-        make_zip(tmp_path / f"source/{synset}.zip", members)
-    manifest = collect(classes={"mug": MUG, "bottle": BOTTLE})
-    assert manifest[["category", "model_id"]].to_numpy().tolist() == [["bottle", "b"], ["mug", "a"]]
-
-
-def test_a_users_own_folder_serves_every_kind_of_mesh(collect, root, tmp_path):
-    mesh = trimesh.creation.box()
-    kinds = {".ply": "ply", ".stl": "stl", ".off": "off", ".glb": "glb", ".OBJ": "obj"}
-    data = {s: mesh.export(file_type=kind) for s, kind in kinds.items()}
-    data = {s: d.encode() if isinstance(d, str) else d for s, d in data.items()}
-    mine = {f"deep/er/cup {k}{s}": d for k, (s, d) in enumerate(data.items())}
-    hidden = {".trash/cup.ply": data[".ply"], "._cup.obj": b"x", "readme.txt": b"x"}
-    make_folder(tmp_path / "source/mug", mine | hidden)
-    manifest = collect()
-    assert manifest["model_id"].tolist() == [f"cup {k}" for k in range(5)]
-    assert manifest["file"].tolist()[4] == f"{MUG}/cup 4.obj"
-    assert manifest["faces"].tolist() == [12] * 5
-    for file in manifest["file"]:
-        assert load_mesh(root, file).extents.tolist() == pytest.approx([1 / 3**0.5] * 3)
-
-
-def test_equal_names_are_made_unique_over_all_classes(collect, tmp_path, caplog):
-    """01 is a mug, a bottle, and another mug in another format; only 02 keeps its name."""
-    off = trimesh.creation.box().export(file_type="off").encode()
-    make_folder(tmp_path / "source/mug", {"01.obj": obj(), "01.off": off, "new/01.obj": obj(2)})
-    make_folder(tmp_path / "source/bottle", {"01.obj": obj(3), "02.obj": obj(4)})
-    manifest = collect(classes={"mug": MUG, "bottle": BOTTLE})
-    assert manifest["model_id"].tolist() == [
-        "02",
-        "bottle-01",
-        "mug-01-obj",
-        "mug-01-off",
-        "mug-new-01",
-    ]
-    assert manifest["file"].is_unique
-    assert "4 meshes share their names" in caplog.text
-
-
-def test_equal_shapenet_ids_in_two_classes_are_kept_apart(collect, tmp_path):
-    for synset in (MUG, BOTTLE):
-        make_zip(tmp_path / f"source/{synset}.zip", {f"{synset}/a/{V2}": obj()})
-    manifest = collect(classes={"mug": MUG, "bottle": BOTTLE})
-    assert manifest["model_id"].tolist() == ["bottle-a", "mug-a"]
-    assert manifest["file"].tolist() == [f"{BOTTLE}/bottle-a/{V2}", f"{MUG}/mug-a/{V2}"]
-
-
-def test_names_that_cannot_be_made_unique_are_told(collect, tmp_path):
-    make_folder(tmp_path / "source/mug", {"a-b.obj": obj(), "a/b.obj": obj(), "c/b.obj": obj()})
-    make_folder(tmp_path / "source/bottle", {"a-b.obj": obj()})
-    message = refusal(collect, classes={"mug": MUG, "bottle": BOTTLE})
-    assert "2 meshes would all be called 'mug-a-b-obj'" in message
-
-
-def test_a_class_with_an_archive_or_folder_of_its_own_needs_no_location(collect, tmp_path):
-    make_zip(tmp_path / "chairs.zip", {f"03001627/x/{V1}": obj()})
-    make_folder(tmp_path / "cups", {"mine.obj": obj(2)})
-    classes = {"chair": str(tmp_path / "chairs.zip"), "cup": str(tmp_path / "cups"), "mug": MUG}
-    manifest = collect(classes=classes, location=None, procedural_models={"mug": 2})
-    assert manifest["category"].tolist() == ["chair", "cup", "mug", "mug"]
-    assert manifest["source"].tolist() == ["archive", "folder", "procedural", "procedural"]
-    assert manifest["synset"].tolist() == ["", "", MUG, MUG]
-    assert manifest["file"].tolist()[:2] == [f"chair/x/{V1}", "cup/mine.obj"]
-
-
-def test_without_a_location_meshes_are_generated_in_the_v2_layout(collect, root):
-    classes = {"mug": MUG, "bottle": BOTTLE}
-    manifest = collect(classes=classes, location=None, procedural_models={"mug": 2, "bottle": 3})
-    assert manifest["category"].tolist() == ["bottle"] * 3 + ["mug"] * 2
-    assert (manifest["source"] == "procedural").all()
-    expected = manifest["synset"] + "/" + manifest["model_id"] + "/" + V2
-    assert manifest["file"].tolist() == expected.tolist()
-    mesh = load_mesh(root, manifest["file"][0])
-    assert (len(mesh.vertices), len(mesh.faces)) == tuple(manifest.loc[0, ["vertices", "faces"]])
-
-
-def test_a_class_that_cannot_be_generated_says_where_to_get_it(collect):
-    message = refusal(collect, classes={"chair": "03001627"}, location=None)
-    assert "'chair'" in message
-    assert "location" in message
-
+from tests.core.dataset.mesh_files import (
+    BOTTLE,
+    MUG,
+    ONE,
+    V1,
+    V2,
+    files_under,
+    make_folder,
+    make_zip,
+    obj,
+    refusal,
+)
 
 BAD = {
     "empty": (b"", "has no faces"),
@@ -336,63 +172,6 @@ def test_the_manifest_does_not_depend_on_the_order_of_files(collect, tmp_path):
     pd.testing.assert_frame_equal(tables[0], tables[2])
 
 
-def test_an_object_store_serves_as_source_and_as_root(collect):
-    memory = UPath("memory://shapenet")
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr(f"{MUG}/a/{V2}", obj())
-    (memory / f"{MUG}.zip").write_bytes(file.getvalue())
-    (memory / BOTTLE / "b" / V1).write_bytes(obj(2))
-    root = UPath("memory://store/shapenet_meshes")
-    (root / MUG / "old.obj").write_bytes(b"stale")
-    for _ in range(2):
-        manifest = collect(
-            classes={"mug": MUG, "bottle": BOTTLE}, location="memory://shapenet", root=root
-        )
-        assert manifest["file"].tolist() == [f"{BOTTLE}/b/{V1}", f"{MUG}/a/{V2}"]
-        assert (root / f"{MUG}/a/{V2}").read_bytes() == obj()
-        assert not (root / MUG / "old.obj").exists()
-        assert len(load_mesh(root, manifest["file"][1]).faces) == 32
-
-
-def test_a_file_url_is_a_location(collect, tmp_path):
-    make_zip(tmp_path / f"source/{MUG}.zip", {f"{MUG}/a/{V1}": obj()})
-    assert len(collect(location=f"file://{tmp_path}/source")) == 1
-
-
-def test_linked_folders_are_followed_once_and_loops_end(collect, tmp_path):
-    make_folder(tmp_path / "elsewhere", {f"x/{V2}": obj()})
-    (tmp_path / "source" / MUG).mkdir(parents=True)
-    for name in "dbeca":
-        (tmp_path / "source" / MUG / name).symlink_to(tmp_path / "elsewhere/x")
-    (tmp_path / "source" / MUG / "loop").symlink_to(tmp_path / "source")
-    assert collect()["model_id"].tolist() == ["a"]
-
-
-def test_pythons_own_server_serves_archives_and_a_second_run_fetches_none(collect, site, root):
-    make_zip(site.folder / f"core/{MUG}.zip", {f"{MUG}/a/{V2}": obj()})
-    os.utime(site.folder / f"core/{MUG}.zip", (1e9, 1e9))
-    first = collect(location=f"{site.url}/core/")
-    assert first["source"].tolist() == ["archive"]
-    assert files_under(root) == first["file"].tolist()
-    pd.testing.assert_frame_equal(collect(location=f"{site.url}/core"), first)
-    assert [status for _, _, status in site.log] == [200, 304]
-
-
-def test_over_http_a_missing_archive_says_that_folders_cannot_be_listed(collect, site):
-    make_folder(site.folder / MUG, {f"a/{V2}": obj()})
-    message = refusal(collect, location=site.url)
-    assert f"class 'mug' is missing: {site.url}/{MUG}.zip does not exist (404)" in message
-    assert "folders cannot be listed" in message
-
-
-def test_the_archive_of_a_class_may_have_an_address_of_its_own(collect, make_store, tmp_path):
-    archive = make_zip(tmp_path / "x.zip", {"x/model.obj": obj(), "y/model.obj": obj(2)})
-    store = make_store(body=archive.read_bytes())
-    manifest = collect(classes={"vase": store.url}, location=None)
-    assert manifest["file"].tolist() == ["vase/x/model.obj", "vase/y/model.obj"]
-
-
 def test_a_missing_or_spoilt_file_under_the_root_is_named(root):
     with pytest.raises(TactileError, match=r"a/model\.obj is missing: materialise"):
         load_mesh(root, "a/model.obj")
@@ -426,75 +205,3 @@ def test_no_archive_puts_a_file_outside_of_the_root(tmp_path_factory, folders, n
     assert {str(p) for p in after - before} == written
     assert all(Path(p).resolve().is_relative_to(here / "in/root") for p in written)
     assert "\n" not in message
-
-
-def fingerprint(location, classes=ONE) -> str:
-    return source_fingerprint(MeshSettings(classes=classes, location=str(location)))
-
-
-def test_the_fingerprint_follows_an_archive_a_folder_and_a_class_that_appears(tmp_path):
-    seen = [fingerprint(tmp_path / "source")]  # nothing there
-    make_folder(tmp_path / "source" / MUG, {f"a/{V2}": obj()})
-    seen.append(fingerprint(tmp_path / "source"))
-    make_folder(tmp_path / "source" / MUG, {f"b/{V2}": obj()})
-    seen.append(fingerprint(tmp_path / "source"))
-    os.utime(tmp_path / "source" / MUG / "b" / V2, (1, 1))
-    seen.append(fingerprint(tmp_path / "source"))
-    archive = make_zip(tmp_path / f"source/{MUG}.zip", {f"{MUG}/a/{V1}": obj()})
-    seen.append(fingerprint(tmp_path / "source"))
-    archive.write_bytes(archive.read_bytes() + b"\0")
-    seen.append(fingerprint(tmp_path / "source"))
-    assert len(set(seen)) == len(seen)
-    assert fingerprint(tmp_path / "source") == seen[-1]
-
-
-def test_the_fingerprint_of_a_server_downloads_nothing(site, make_store):
-    make_folder(site.folder, {f"{MUG}.zip": b"anything"})
-    both = {"mug": MUG, "bottle": BOTTLE}
-    first = fingerprint(site.url, both)
-    assert fingerprint(site.url, both) == first
-    make_folder(site.folder, {f"{BOTTLE}.zip": b"new"})
-    assert fingerprint(site.url, both) != first
-    assert {method for method, _, _ in site.log} == {"HEAD"}
-
-
-def test_the_fingerprint_of_an_object_store_follows_its_objects():
-    memory = UPath("memory://prints")
-    (memory / MUG / "a" / V1).write_bytes(obj())
-    first = fingerprint("memory://prints")
-    assert fingerprint("memory://prints") == first
-    (memory / MUG / "a" / V1).write_bytes(obj(2))
-    assert fingerprint("memory://prints") != first
-
-
-def test_generated_meshes_have_a_constant_fingerprint():
-    assert source_fingerprint(MeshSettings()) == source_fingerprint(MeshSettings(seed=1))
-
-
-def test_a_server_that_cannot_be_asked_is_named():
-    with pytest.raises(TactileError, match=r"127\.0\.0\.1:9/03797390\.zip cannot be asked"):
-        fingerprint("http://127.0.0.1:9")
-
-
-needs_sample = pytest.mark.skipif(not SAMPLE.is_dir(), reason=f"the real sample is not at {SAMPLE}")
-
-
-@needs_sample
-def test_the_real_sample_is_read_whole(collect, root):
-    manifest = collect(classes={"mug": MUG, "bottle": BOTTLE}, location=SAMPLE)
-    assert manifest["category"].value_counts().to_dict() == {"mug": 16, "bottle": 23}
-    assert (manifest["status"] == "ok").all()
-    credits = pd.read_csv(SAMPLE / "CREDITS.csv").set_index("model_id")
-    assert manifest["faces"].tolist() == credits.loc[manifest["model_id"], "faces"].tolist()
-    mesh = load_mesh(root, manifest["file"][0])
-    np.testing.assert_allclose(mesh.bounds.sum(axis=0), 0, atol=1e-12)
-
-
-@needs_sample
-def test_the_real_sample_gives_the_same_manifest_over_http(collect, site, tmp_path):
-    classes = {"mug": MUG, "bottle": BOTTLE}
-    local = collect(classes=classes, location=SAMPLE)
-    for archive in SAMPLE.glob("*.zip"):
-        (site.folder / archive.name).symlink_to(archive.resolve())
-    remote = collect(classes=classes, location=site.url, root=UPath(tmp_path / "other"))
-    pd.testing.assert_frame_equal(remote, local)
