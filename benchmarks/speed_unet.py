@@ -103,7 +103,7 @@ def plain_training(some: Shapes, whole: bool = False) -> Work:
     rng = np.random.default_rng(0)
 
     def work() -> float:
-        for felt, labels in training_batches(some, TRAINING_BATCH, rng, felt_outlines(some)):
+        for _, felt, labels in training_batches(some, TRAINING_BATCH, rng, felt_outlines(some)):
             inputs = torch.from_numpy(felt).to(device, torch.float32)[:, None]
             wanted = torch.from_numpy(labels).to(device, torch.float32)[:, None]
             if whole:

@@ -122,6 +122,11 @@ class UNetSettings(Settings):
         False,
         description="Show the U-Net where rays have passed, too; the report's sees touches only.",
     )
+    known_shapes: bool = Field(
+        False,
+        description="Show the U-Net the mean of the train shapes that agree with what was felt, "
+        "too.",
+    )
     practice: bool = Field(
         False,
         description="Train a first U-Net and a ray scorer, and learn from their rays as well.",
@@ -230,7 +235,9 @@ PROFILES = {
     "study": Profile(
         name="study",
         search=LAPTOP_SEARCH,
-        unet=UNetSettings(epochs=60, patience=20, free_space=True, practice=True),
+        unet=UNetSettings(
+            epochs=60, patience=20, free_space=True, known_shapes=True, practice=True
+        ),
         policies=PolicySettings(seeds=[0, 1, 2]),
         per_step=EvaluationSettings(deterministic=False),
     ),

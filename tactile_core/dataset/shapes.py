@@ -35,6 +35,16 @@ class Shapes:
     def resolution(self) -> int:
         return self.masks.shape[-1]
 
+    def select(self, indices: np.ndarray) -> "Shapes":
+        """The shapes at `indices`, in that order."""
+        return Shapes(
+            masks=self.masks[indices],
+            outlines=[self.outlines[index] for index in indices],
+            sample_ids=self.sample_ids[indices],
+            model_ids=self.model_ids[indices],
+            categories=self.categories[indices],
+        )
+
 
 def load_shapes(rotated_splits: pd.DataFrame, outlines: pd.DataFrame, split: str) -> Shapes:
     """The shapes of `split` ("train", "eval" or "test"), in the order of `rotated_splits`.

@@ -14,14 +14,14 @@ from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.circle import report_order
-from tactile_core.exploration.recall import KnownShapes, known_shapes, try_rays
+from tactile_core.exploration.recall import known_shapes, try_rays
 from tactile_core.exploration.scorer import RayScorer, best_ray, best_rays_apart
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.inference import best_device
+from tactile_core.reconstruction.known_shapes import KNOWN_SHAPES, KnownShapes
 
 PPO_FILE = "policy.zip"
 SCORER_FILE = "policy.safetensors"
-KNOWN_SHAPES = "known_shapes"  # in it, beside the weights
 
 TRIED = 16  # rays that `recall` tries, of those of highest value
 RECALLED = 12  # known shapes that it tries each of them on
@@ -103,7 +103,8 @@ class RecallPolicy:
             indices = np.arange(start, min(start + portion, len(explorations)))
             some = explorations.select(indices)
             rays = best_rays_apart(self.net, some, TRIED)
-            expected = try_rays(some, rays, self.known.draw(some, RECALLED, rng)).mean(axis=2)
+            felt = some.touches.astype(np.int8) - some.free.astype(np.int8)
+            expected = try_rays(some, rays, self.known.draw(felt, RECALLED, rng)).mean(axis=2)
             chosen.append(rays[np.arange(len(rays)), expected.argmax(axis=1)])
         return np.concatenate(chosen)
 

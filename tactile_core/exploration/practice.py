@@ -49,7 +49,9 @@ def practise(
     saved = load_checkpoint(finished, key)
     if saved:
         return RaySequences(**saved)
-    half = settings.model_copy(update={"epochs": max(1, settings.epochs // 2)})
+    half = settings.model_copy(
+        update={"epochs": max(1, settings.epochs // 2), "known_shapes": False}
+    )
     unet = train_unet(
         train, evaluation, half, work=work / "unet",
         draw=rays_and_outlines(train, settings.seed, settings.free_space),

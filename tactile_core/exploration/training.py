@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import safetensors.torch
 import torch
 from upath import UPath
@@ -12,11 +13,11 @@ from upath import UPath
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.approaches import find_approach
 from tactile_core.exploration.gain_learner import train_scorer
-from tactile_core.exploration.policies import KNOWN_SHAPES, PPO_FILE, SCORER_FILE
+from tactile_core.exploration.policies import PPO_FILE, SCORER_FILE
 from tactile_core.exploration.ppo import train_ppo
-from tactile_core.exploration.recall import pack
 from tactile_core.files import content_hash, write_table, written_whole
 from tactile_core.reconstruction.inference import Reconstructor, best_device
+from tactile_core.reconstruction.known_shapes import KNOWN_SHAPES, pack
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.settings import PolicySettings
 
@@ -46,13 +47,14 @@ def train_policy(
         torch.set_num_threads(1)
     own = settings.model_dump(exclude={"approaches", "seeds"})
     key = content_hash(approach, seed, own, unet.version(), train.masks.tobytes())
-    reconstructor = Reconstructor(unet)
+    remembered = pack(train.masks)
+    train, reconstructor = lessons(train, unet)
     if recipe.learner == "gains":
         net, curve = train_scorer(
             f"{approach} seed {seed}", seed, train, reconstructor, settings,
             key=key, work=work, progress=progress,
         )  # fmt: skip
-        weights = net.state_dict() | {KNOWN_SHAPES: torch.from_numpy(pack(train.masks))}
+        weights = net.state_dict() | {KNOWN_SHAPES: torch.from_numpy(remembered)}
         stored, name = safetensors.torch.save(weights), SCORER_FILE
     else:
         model, curve = train_ppo(
@@ -74,3 +76,16 @@ def train_policy(
         file.write(json.dumps(about, indent=2).encode())
     (work / "checkpoint.pt").unlink(missing_ok=True)
     return version
+
+
+def lessons(train: Shapes, unet: TrainedUNet) -> tuple[Shapes, Reconstructor]:
+    """The shapes to train a policy on, and what reconstructs them for it.
+
+    A U-Net that knows these shapes leaves nothing to find out about them. Such a one forgets every
+    second model, and the policy is trained on those.
+    """
+    if unet.known is None:
+        return train, Reconstructor(unet)
+    _, models = np.unique(train.model_ids, return_inverse=True)
+    some = train.select(np.flatnonzero(models % 2))
+    return some, Reconstructor(unet.forgetting(some.masks))

@@ -74,8 +74,8 @@ def training_batches(
     rng: np.random.Generator,
     draw: DrawFelt,
     samples: int | None = None,
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """One epoch in random order: (felt (B, R, R) int8, masks (B, R, R) bool) pairs.
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """One epoch in random order: indices (B,), felt (B, R, R) int8 and masks (B, R, R) bool.
 
     Each batch is turned and flipped into one of its eight orientations: a shape seen from
     the other side is as good a shape. `samples` ends the epoch early.
@@ -85,7 +85,7 @@ def training_batches(
         indices = order[start : start + batch_size]
         felt, masks = draw(rng, indices), shapes.masks[indices]
         orientation = int(rng.integers(ORIENTATIONS))
-        yield orient(felt, orientation), orient(masks, orientation)
+        yield indices, orient(felt, orientation), orient(masks, orientation)
 
 
 def orient(images: np.ndarray, orientation: int) -> np.ndarray:

@@ -79,13 +79,7 @@ def overfit_jaccard(train: Shapes, *, shapes: int = 6, epochs: int = 200, seed: 
     heart is broken, whatever its hyperparameters.
     """
     chosen = np.random.default_rng(seed).choice(len(train), min(shapes, len(train)), replace=False)
-    few = Shapes(
-        train.masks[chosen],
-        [train.outlines[index] for index in chosen],
-        train.sample_ids[chosen],
-        train.model_ids[chosen],
-        train.categories[chosen],
-    )
+    few = train.select(chosen)
     training = begin_training(depth=3, channels=8, learning_rate=5e-3, seed=seed)
     draw = felt_outlines(few, OVERFIT_TOUCHES, OVERFIT_TOUCHES)
     for _ in range(epochs):

@@ -1,17 +1,20 @@
 """A trained U-Net as a value, and as files: safetensors weights beside a JSON of settings."""
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import safetensors.torch
+import torch
 from safetensors import SafetensorError
 from torch import Tensor
 from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table, write_table, written_whole
+from tactile_core.reconstruction.known_shapes import KNOWN_SHAPES, KnownShapes, unpack
 from tactile_core.reconstruction.unet import UNet
 
 
@@ -23,6 +26,7 @@ class TrainedUNet:
     settings : the resolved `UNetSettings` as a dict
     scores : eval loss and Jaccard index (0–100) of the kept epoch
     curve : one row per epoch: epoch, train_loss, eval_loss, eval_jaccard
+    known : the shapes that the net knows, (n, R²/8) uint8 as `known_shapes.pack` packs them
     """
 
     weights: dict[str, Tensor]
@@ -32,6 +36,7 @@ class TrainedUNet:
     settings: dict[str, Any]
     scores: dict[str, float]
     curve: pd.DataFrame = field(repr=False)
+    known: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def free_space(self) -> bool:
@@ -40,13 +45,29 @@ class TrainedUNet:
 
     def net(self) -> UNet:
         """A fresh net in eval mode that holds these weights."""
-        net = UNet(self.depth, self.channels)
+        known = None
+        if self.known is not None:
+            known = KnownShapes(unpack(self.known, self.resolution))
+        net = UNet(self.depth, self.channels, known)
         net.load_state_dict(self.weights)
         return net.eval()
 
     def version(self) -> str:
-        """Hash of the weights and the resolution (16 hex digits)."""
-        return content_hash(safetensors.torch.save(self.weights), self.resolution)
+        """Hash of weights, known shapes and resolution (16 hex digits)."""
+        return content_hash(safetensors.torch.save(self.tensors()), self.resolution)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """What `model.safetensors` holds: the weights, and the known shapes where there are any."""
+        if self.known is None:
+            return self.weights
+        return {**self.weights, KNOWN_SHAPES: torch.from_numpy(self.known)}
+
+    def forgetting(self, masks: np.ndarray) -> "TrainedUNet":
+        """This U-Net without `masks` (N, R, R) bool among the shapes that it knows."""
+        assert self.known is not None
+        forgotten = {row.tobytes() for row in np.packbits(masks.reshape(len(masks), -1), axis=1)}
+        kept = [row.tobytes() not in forgotten for row in self.known]
+        return replace(self, known=self.known[kept])
 
 
 def save_unet(unet: TrainedUNet, directory: UPath) -> None:
@@ -60,7 +81,7 @@ def save_unet(unet: TrainedUNet, directory: UPath) -> None:
         "version": unet.version(),
     }
     with written_whole(directory / "model.safetensors") as file:
-        file.write(safetensors.torch.save(unet.weights))
+        file.write(safetensors.torch.save(unet.tensors()))
     write_table(unet.curve, directory / "curve.parquet")
     with written_whole(directory / "settings.json") as file:
         file.write(json.dumps(about, indent=2).encode())
@@ -76,7 +97,13 @@ def load_unet(directory: UPath) -> TrainedUNet:
         raise TactileError(f"{directory} holds no trained U-Net: materialise unet first") from error
     except (ValueError, KeyError, SafetensorError) as error:
         raise TactileError(f"{directory} is damaged ({error}): materialise unet again") from error
-    unet = TrainedUNet(weights=weights, curve=read_table(directory / "curve.parquet"), **about)
+    known = weights.pop(KNOWN_SHAPES, None)
+    unet = TrainedUNet(
+        weights=weights,
+        curve=read_table(directory / "curve.parquet"),
+        known=None if known is None else known.numpy(),
+        **about,
+    )
     if unet.version() != version:
         raise TactileError(
             f"{directory}: weights and settings are of two trainings: materialise unet again"

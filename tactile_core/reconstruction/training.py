@@ -24,6 +24,7 @@ from tactile_core.reconstruction.batches import (
 )
 from tactile_core.reconstruction.inference import best_device, bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
+from tactile_core.reconstruction.known_shapes import KnownShapes, pack, picked, unpack
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import UNet, place
 from tactile_core.settings import UNetSettings
@@ -53,11 +54,15 @@ class Training:
         self.rng.bit_generator.state = state["rng"]
 
 
-def begin_training(depth: int, channels: int, learning_rate: float, seed: int) -> Training:
+def begin_training(
+    depth: int, channels: int, learning_rate: float, seed: int, known: KnownShapes | None = None
+) -> Training:
     """A freshly initialised U-Net with its optimiser, on the best device."""
     torch.manual_seed(seed)
     device = best_device()
-    net = place(UNet(depth, channels), device)
+    net = place(UNet(depth, channels, known), device)
+    if known and bfloat16_pays(device.type):
+        known.to(torch.bfloat16)
     optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4, fused=True)
     return Training(net, optimizer, np.random.default_rng(seed), device)
 
@@ -81,9 +86,10 @@ def train_epoch(
         shapes, batch_size, training.rng, draw or felt_outlines(shapes), samples
     )
     total, seen = 0.0, 0
-    for felt, masks in batches:
+    for indices, felt, masks in batches:
         before_batch(seen / count)
-        loss = bce_loss(training.net, felt, masks, training.device)
+        own = shapes.model_ids[indices] if training.net.known else None
+        loss = bce_loss(training.net, felt, masks, training.device, own)
         training.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(training.net.parameters(), 1.0)
@@ -94,14 +100,21 @@ def train_epoch(
 
 
 def bce_loss(
-    net: nn.Module, felt: np.ndarray, masks: np.ndarray, device: torch.device
+    net: UNet,
+    felt: np.ndarray,
+    masks: np.ndarray,
+    device: torch.device,
+    models: np.ndarray | None = None,
 ) -> torch.Tensor:
-    """Mean binary cross-entropy over all pixels of (B, R, R) felt images and masks."""
+    """Mean binary cross-entropy over all pixels of (B, R, R) felt images and masks.
+
+    models : (B,) str, whose masks these are, for a net that must not recall them
+    """
     inputs = torch.from_numpy(felt).to(device, torch.float32)[:, None]
     labels = torch.from_numpy(masks).to(device, torch.float32)[:, None]
     pays = bfloat16_pays(device.type)
     with torch.autocast(device.type, torch.bfloat16, enabled=pays):
-        logits = net(inputs.contiguous(memory_format=torch.channels_last))
+        logits = net(inputs.contiguous(memory_format=torch.channels_last), models)
     return functional.binary_cross_entropy_with_logits(logits.float(), labels)
 
 
@@ -173,7 +186,12 @@ def train_unet(
     space too where `settings.free_space` is set.
     """
     rate, batch_size, depth, channels = required(settings)
-    training = begin_training(depth, channels, rate, settings.seed)
+    packed = pack(train.masks) if settings.known_shapes else None
+    known = None
+    if packed is not None:
+        models = train.model_ids[picked(len(train))]
+        known = KnownShapes(unpack(packed, train.resolution), models)
+    training = begin_training(depth, channels, rate, settings.seed, known)
     touch_sets = fixed_touch_sets(evaluation, settings.seed)
     drawn = draw.__qualname__ if draw else None
     key = content_hash(
@@ -216,6 +234,7 @@ def train_unet(
     kept = min(curve, key=lambda row: row["eval_loss"])
     return TrainedUNet(
         weights={name: value.contiguous() for name, value in best.items()},
+        known=packed,
         resolution=train.resolution,
         depth=depth,
         channels=channels,

@@ -1,11 +1,13 @@
 """The U-Net of the report (section V, Figure 1): touches in, probability of the object out."""
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from tactile_core.errors import TactileError
+from tactile_core.reconstruction.known_shapes import KnownShapes
 
 # The logit outside the window: a probability of 2e-9, and still finite in every precision.
 OUTSIDE = -20.0
@@ -20,21 +22,26 @@ class UNet(nn.Module):
     Only the middle half of the image passes through the net: the camera scales every model
     to a diagonal of 1 in an image that spans 2, so no shape leaves it, however rotated.
     That quarters the work, and outside it the prediction is "no object".
+
+    With `known` shapes a second channel holds their mean, weighed by what was felt.
     """
 
-    def __init__(self, depth: int, channels: int) -> None:
+    def __init__(self, depth: int, channels: int, known: KnownShapes | None = None) -> None:
         super().__init__()
+        self.known = known
         widths = [channels * 2**level for level in range(depth)]
         shallower = list(reversed(widths[:-1]))
         self.contract = nn.ModuleList(
-            _block(inside, outside) for inside, outside in zip([1, *widths], widths, strict=False)
+            _block(inside, outside)
+            for inside, outside in zip([2 if known else 1, *widths], widths, strict=False)
         )
         # A 1×1 convolution and nearest upsampling commute; this order costs a quarter.
         self.raise_ = nn.ModuleList(nn.Conv2d(2 * width, width, 1) for width in shallower)
         self.expand = nn.ModuleList(_block(2 * width, width) for width in shallower)
         self.head = nn.Conv2d(channels, 1, 1)
 
-    def forward(self, felt: Tensor) -> Tensor:
+    def forward(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
+        """`models` : (N,) str, of which nothing is recalled, as their own shapes are known."""
         resolution = felt.shape[-1]
         margin = resolution // 4
         levels = len(self.contract)
@@ -43,6 +50,9 @@ class UNet(nn.Module):
                 f"a U-Net of depth {levels} cannot halve a {resolution // 2}-pixel window "
                 f"{levels - 1} times: choose a smaller depth or a larger resolution"
             )
+        if self.known is not None:
+            recalled = self.known.mean(felt[:, 0], models)[:, None].to(felt.dtype)
+            felt = torch.cat([felt, recalled], dim=1).contiguous(memory_format=torch.channels_last)
         x = felt[..., margin : resolution - margin, margin : resolution - margin]
         skipped = []
         for level, block in enumerate(self.contract):

@@ -2,19 +2,15 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from tactile_core.exploration import policies, recall
+from tactile_core.exploration import policies
 from tactile_core.exploration.policies import RecallPolicy
 from tactile_core.exploration.rays import candidate_rays
-from tactile_core.exploration.recall import KnownShapes, coarse, known_shapes, pack, try_rays
+from tactile_core.exploration.recall import known_shapes, try_rays
 from tactile_core.exploration.references import find_reference
 from tactile_core.exploration.scorer import RayScorer, best_rays_apart, ray_values, scorer_images
 from tactile_core.exploration.state import Explorations
-from tactile_core.reconstruction.batches import ORIENTATIONS, orient
-
-seeds = st.integers(0, 2**31)
+from tactile_core.reconstruction.known_shapes import KnownShapes, pack
 
 
 @pytest.fixture(scope="module")
@@ -35,71 +31,11 @@ def explored(masks, reconstructor, rays: int) -> Explorations:
     return explorations
 
 
-def test_packed_shapes_come_back_as_they_were(shapes):
+def test_policies_that_know_the_same_shapes_share_them(shapes):
     masks = shapes["train"].masks
     again = known_shapes(pack(masks).tobytes(), 64)
     np.testing.assert_array_equal(again.masks, masks)
     assert known_shapes(pack(masks).tobytes(), 64) is again
-
-
-def test_of_too_many_shapes_some_are_picked_evenly(monkeypatch):
-    monkeypatch.setattr(recall, "MOST", 3)
-    masks = np.random.default_rng(0).random((8, 48, 48)) < 0.5
-    np.testing.assert_array_equal(known_shapes(pack(masks).tobytes(), 48).masks, masks[::3])
-
-
-def test_before_any_ray_every_shape_is_as_probable(known, shapes, reconstructor):
-    weights = known.weights(Explorations(shapes["test"].masks, reconstructor)).numpy()
-    np.testing.assert_allclose(weights, 1 / (ORIENTATIONS * len(known.masks)))
-
-
-@pytest.mark.parametrize("turn", range(ORIENTATIONS))
-def test_a_shape_that_is_known_is_recalled_in_whatever_orientation_it_is_felt(
-    known, shapes, reconstructor, turn
-):
-    felt = orient(shapes["train"].masks, turn)
-    explorations = explored(felt, reconstructor, rays=10)
-    recalled = known.draw(explorations, 5, np.random.default_rng(0))
-    overlap = (recalled & felt[:, None]).sum((2, 3)) / (recalled | felt[:, None]).sum((2, 3))
-    assert np.median(overlap) > 0.9
-
-
-def test_what_was_felt_speaks_against_shapes_that_contradict_it(shapes, reconstructor):
-    """A square that reaches to the middle, beside one whose edge lies where it was touched."""
-    right, wrong = np.zeros((2, 64, 64), bool)
-    right[24:40, 24:40] = True
-    wrong[24:40, 24:44] = True
-    known = KnownShapes(np.stack([right, wrong]))
-    touched = Explorations(right[None], reconstructor)
-    touched.touches[0, 30, 39] = 1
-    passed = Explorations(right[None], reconstructor)
-    passed.free[0, 30, 42] = 1
-    for explorations in (touched, passed):
-        weights = known.weights(explorations).numpy()[0]
-        assert weights[0] > 2 * weights[1]
-
-
-@settings(deadline=None, max_examples=10)
-@given(seed=seeds)
-def test_shapes_are_drawn_as_often_as_they_are_probable(known, shapes, reconstructor, seed):
-    explorations = explored(shapes["test"].masks[:1], reconstructor, rays=2)
-    count = 4000
-    drawn = known.draw(explorations, count, np.random.default_rng(seed))[0]
-    weights = known.weights(explorations).numpy()[0]
-    for index in weights.argsort()[-3:]:
-        turn, which = divmod(index, len(known.masks))
-        shape = orient(known.masks[which : which + 1], turn)[0]
-        same = [
-            weights[other]
-            for other in range(len(weights))
-            if np.array_equal(
-                orient(known.masks[other % len(known.masks)][None], other // len(known.masks))[0],
-                shape,
-            )
-        ]
-        found = (drawn == shape).all(axis=(1, 2)).sum()
-        # One draw for each of `count` equal parts: at most two off for every stretch of weights.
-        assert abs(found - count * sum(same)) <= 2 * len(same)
 
 
 def test_rays_are_tried_as_if_they_were_cast(shapes, either_reconstructor):
@@ -133,7 +69,8 @@ def test_recall_casts_the_best_of_the_rays_it_tried(known, shapes, reconstructor
     explorations = explored(shapes["test"].masks, reconstructor, rays=2)
     rays = RecallPolicy(0, scorer, known).choose(explorations, np.random.default_rng(5), True)
     tried = best_rays_apart(scorer, explorations, policies.TRIED)
-    recalled = known.draw(explorations, policies.RECALLED, np.random.default_rng(5))
+    felt = explorations.touches.astype(np.int8) - explorations.free
+    recalled = known.draw(felt, policies.RECALLED, np.random.default_rng(5))
     expected = try_rays(explorations, tried, recalled).mean(axis=2)
     for ray, some, scores in zip(rays, tried, expected, strict=True):
         assert scores[(some == ray).all(axis=1)].max() == scores.max()
@@ -156,15 +93,3 @@ def test_every_portion_casts_rays_that_were_tried(
     rays = RecallPolicy(0, scorer, known).choose(explorations, np.random.default_rng(0), True)
     tried = best_rays_apart(scorer, explorations, policies.TRIED)
     assert all((some == ray).all(axis=1).any() for ray, some in zip(rays, tried, strict=True))
-
-
-def test_above_64_pixels_shapes_are_compared_in_blocks():
-    images = np.zeros((1, 256, 256), np.uint8)
-    images[0, 64, 67] = images[0, 191, 188] = 1
-    small = coarse(images)
-    assert small.shape == (1, 32, 32)
-    assert np.argwhere(small[0]).tolist() == [[0, 0], [31, 31]]
-    assert not coarse(images, np.min).any()
-    for resolution in (48, 64, 112, 128, 208, 1008, 1024):
-        side = coarse(np.zeros((1, resolution, resolution), bool)).shape[1]
-        assert 24 <= side < 64

@@ -21,9 +21,8 @@ seeds = st.integers(0, 2**32 - 1)
 def epoch(shapes, seed, batch_size, samples=None, draw=None):
     """All (touches, masks) of one epoch, each (N, R, R)."""
     rng = np.random.default_rng(seed)
-    batches = list(
-        training_batches(shapes, batch_size, rng, draw or felt_outlines(shapes), samples)
-    )
+    draw = draw or felt_outlines(shapes)
+    batches = [pair for _, *pair in training_batches(shapes, batch_size, rng, draw, samples)]
     return batches, *(np.concatenate(images) for images in zip(*batches, strict=True))
 
 

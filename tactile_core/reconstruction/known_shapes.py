@@ -1,0 +1,136 @@
+"""Known shapes, remembered whole and weighed by how well they agree with what was felt.
+
+A net that completes shapes knows what is usual around a touch; what goes together far apart, it can
+hardly tell from a few single pixels. Shapes that are remembered whole keep that. Both the U-Net
+(`UNetSettings.known_shapes`) and the policy `recall` use them.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from scipy import ndimage
+from torch import Tensor, nn
+from torch.nn import functional
+
+from tactile_core.reconstruction.batches import ORIENTATIONS, orient
+
+KNOWN_SHAPES = "known_shapes"  # what they are called beside the weights of a net
+
+MOST = 4096  # shapes remembered; at resolution 64 each takes 64 KiB
+COARSEST = 64  # resolution at which shapes and what was felt are compared
+# A touch speaks against a shape by its squared distance to that shape's outline, as under a normal
+# error of so many pixels; beyond the farthest, one stray touch should not rule a shape out.
+SPREAD, FARTHEST = 0.7, 3.0
+FREE_PIXEL = 1.0  # and every pixel inside the shape that was seen free, by so much
+RULED_OUT = -1e9  # finite: where nothing else is known, all are as improbable
+
+
+def picked(count: int) -> slice:
+    """Which of `count` shapes to remember: at most `MOST`, evenly."""
+    return slice(None, None, -(-count // MOST))
+
+
+def pack(masks: np.ndarray) -> np.ndarray:
+    """Masks (N, R, R) bool, or as many of them as are remembered, as (n, R²/8) uint8."""
+    some = masks[picked(len(masks))]
+    return np.packbits(some.reshape(len(some), -1), axis=1)
+
+
+def unpack(packed: np.ndarray, resolution: int) -> np.ndarray:
+    """The masks (n, R, R) bool that `pack` packed."""
+    bits = np.unpackbits(packed, axis=1).astype(bool)
+    return bits.reshape(len(packed), resolution, resolution)
+
+
+class KnownShapes(nn.Module):
+    """Shapes to recall, each in eight orientations: 8n in all.
+
+    Shapes and what was felt are compared at C·C places in the middle half of the image.
+
+    masks : (n, R, R) bool, in the first orientation
+    models : (n,) str, whose masks they are; None where nobody asks
+    touch : (C², 8n), what a touch at each place adds to each shape's log-likelihood
+    free : (8n, C²/4), what each pixel that was seen free adds, for places in blocks of four
+    inside : (8n, C²), how much of each place lies inside the shape, 0–1
+    """
+
+    touch: Tensor
+    free: Tensor
+    inside: Tensor
+
+    def __init__(self, masks: np.ndarray, models: np.ndarray | None = None) -> None:
+        super().__init__()
+        self.masks, self.models = masks, models
+        every = torch.from_numpy(masks).float()
+        within = -coarse(-every)  # places that lie inside as a whole
+        covered = coarse(every).numpy() > 0
+        cross = ndimage.generate_binary_structure(2, 1)[None]
+        outlines = covered & ~ndimage.binary_erosion(covered, cross)
+        distance = np.stack([ndimage.distance_transform_edt(~outline) for outline in outlines])
+        share = coarse(every, functional.avg_pool2d).numpy()
+        touch = -((np.minimum(distance, FARTHEST) / SPREAD) ** 2) / 2
+        blocks = -functional.max_pool2d(-within[:, None], 2)[:, 0]
+        self.register_buffer("touch", oriented(touch).T.contiguous(), persistent=False)
+        self.register_buffer("free", -FREE_PIXEL * oriented(blocks.numpy()), persistent=False)
+        self.register_buffer("inside", oriented(share), persistent=False)
+
+    def weights(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
+        """How probable each shape is after what was felt, (N, 8n) float32; rows sum to 1.
+
+        felt : (N, R, R), 1 at a touch, 0 where nothing is known, −1 where a ray has passed
+        models : (N,) str; shapes of the model itself are not recalled
+        """
+        touched = coarse((felt > 0).float()).flatten(1)
+        which, places = touched.nonzero(as_tuple=True)
+        firsts = torch.searchsorted(which, torch.arange(len(felt), device=felt.device))
+        evidence = functional.embedding_bag(places, self.touch, firsts, mode="sum")
+        passed = 4 * functional.avg_pool2d(coarse((felt < 0).float())[:, None], 2)
+        evidence = (evidence + passed.flatten(1).to(self.free.dtype) @ self.free.T).float()
+        if models is not None:
+            assert self.models is not None
+            own = torch.from_numpy(models[:, None] == self.models).to(felt.device)
+            evidence = evidence.masked_fill(own.repeat(1, ORIENTATIONS), RULED_OUT)
+        return torch.softmax(evidence, dim=1)
+
+    def mean(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
+        """The mean of the shapes by their weights, (N, R, R) in 0–1; arguments as of `weights`."""
+        resolution = felt.shape[-1]
+        inside = self.weights(felt, models).to(self.inside.dtype) @ self.inside
+        side = int(inside.shape[1] ** 0.5)
+        window = functional.interpolate(
+            inside.reshape(len(felt), 1, side, side), size=(resolution // 2,) * 2
+        )
+        return functional.pad(window[:, 0], [resolution // 4] * 4)
+
+    def draw(self, felt: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+        """`count` shapes for each of N, drawn by their weights, (N, count, R, R) bool.
+
+        felt : (N, R, R) int8, as for `weights`
+        """
+        reached = self.weights(torch.from_numpy(felt)).double().cumsum(dim=1)
+        # One draw for each of `count` equal parts: fewer chance repeats than independent ones.
+        levels = (np.arange(count) + rng.random((len(reached), 1))) / count
+        drawn = torch.searchsorted(reached, torch.from_numpy(levels) * reached[:, -1:]).numpy()
+        turns, shapes = np.divmod(np.minimum(drawn, reached.shape[1] - 1), len(self.masks))
+        recalled = self.masks[shapes]
+        for turn in range(1, ORIENTATIONS):
+            recalled[turns == turn] = orient(recalled[turns == turn], turn)
+        return recalled
+
+
+def coarse(images: Tensor, pool: Callable[..., Tensor] = functional.max_pool2d) -> Tensor:
+    """The middle half of images (N, R, R) as (N, C, C): above `COARSEST`, square blocks of pixels
+    are pooled to one."""
+    resolution = images.shape[-1]
+    margin, block = resolution // 4, 1
+    while resolution >= 2 * COARSEST * block:
+        block *= 2
+    window = images[:, None, margin : resolution - margin, margin : resolution - margin]
+    return pool(window, block)[:, 0]
+
+
+def oriented(images: np.ndarray) -> Tensor:
+    """Images (n, C, C) in all eight orientations, one after the other, (8n, C²) float32."""
+    every = [orient(images, turn).reshape(len(images), -1) for turn in range(ORIENTATIONS)]
+    return torch.from_numpy(np.concatenate(every).astype(np.float32))
