@@ -81,8 +81,9 @@ def unet(
     A U-Net with the best settings of the search, trained to the end on touches that are drawn
     afresh all the time, half of them from the outline and half as rays make them, with early
     stopping on the eval split. With `free_space` it also sees where rays have passed; with
-    `practice` it also learns from the rays of a first policy. A training that was killed goes on
-    after its last epoch.
+    `known_shapes` the mean of the train shapes that agree with what was felt; with `practice` it
+    also learns from the rays of a first policy. A training that was killed goes on after its last
+    epoch.
     """
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.practice import practise

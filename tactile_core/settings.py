@@ -231,7 +231,7 @@ PROFILES = {
         # its single most likely ray hardly depends on what was felt.
         per_step=EvaluationSettings(deterministic=False),
     ),
-    # The laptop's data and nets, with free space seen, practice, and three seeds of each policy.
+    # The laptop's data and nets, with all that was found to help, and three seeds of each policy.
     "study": Profile(
         name="study",
         search=LAPTOP_SEARCH,

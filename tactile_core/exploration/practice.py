@@ -41,7 +41,8 @@ def practise(
 ) -> RaySequences:
     """Train a first U-Net for half of the epochs, a ray scorer on it, and record their rays.
 
-    `settings` as for `train_unet`. `work` receives the checkpoints of both trainings and the
+    `settings` as for `train_unet`; the first U-Net knows no shapes, or what it is to practise on
+    would be known to it. `work` receives the checkpoints of both trainings and the
     sequences themselves: practice that was killed goes on where it was.
     """
     key = content_hash(settings.model_dump(), train.masks.tobytes(), evaluation.masks.tobytes())

@@ -80,6 +80,19 @@ def free_space_reconstructor(shapes, tmp_path_factory) -> Reconstructor:
     return Reconstructor(trained, precision="float32")
 
 
+@pytest.fixture(scope="session")
+def knowing_unet(shapes, tmp_path_factory) -> TrainedUNet:
+    """A U-Net that knows the train shapes, trained for a few epochs."""
+    return train_unet(
+        shapes["train"],
+        shapes["eval"],
+        UNetSettings(
+            learning_rate=1e-2, batch_size=4, depth=3, channels=4, epochs=8, known_shapes=True
+        ),
+        work=tmp_path_factory.mktemp("unet"),
+    )
+
+
 @pytest.fixture(scope="session", params=["reconstructor", "free_space_reconstructor"])
 def either_reconstructor(request) -> Reconstructor:
     """One after the other: a U-Net that sees touches only, and one that sees free space too."""

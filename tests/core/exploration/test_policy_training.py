@@ -1,5 +1,6 @@
 """Training policies, storing them and reading them back (report, section VI.B)."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -19,9 +20,10 @@ from tactile_core.exploration.policies import PPOPolicy, load_policies
 from tactile_core.exploration.ppo import train_ppo
 from tactile_core.exploration.references import find_reference
 from tactile_core.exploration.state import Explorations
-from tactile_core.exploration.training import train_policy
+from tactile_core.exploration.training import lessons, train_policy
 from tactile_core.files import read_table
 from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.known_shapes import pack
 from tactile_core.settings import PolicySettings
 
 # Two updates in each stage of PPO, six iterations of learning gains.
@@ -101,6 +103,18 @@ def test_a_finished_training_leaves_tensorboard_curves_and_no_checkpoint(
         "gain/reward",
         "gain/jaccard",
     } <= set(events.Tags()["scalars"])
+
+
+def test_policies_learn_on_shapes_that_the_unet_does_not_know(shapes, unet, knowing_unet):
+    train = shapes["train"]
+    everything, plain = lessons(train, unet)
+    assert everything is train
+    assert plain.version == unet.version()
+    some, reconstructor = lessons(train, knowing_unet)
+    assert 2 * len(some) == len(train)
+    rest = ~np.isin(train.model_ids, some.model_ids)
+    known = dataclasses.replace(knowing_unet, known=pack(train.masks[rest]))
+    assert reconstructor.version == known.version()
 
 
 def test_total_miss_trains_both_of_its_stages(train, tmp_path):

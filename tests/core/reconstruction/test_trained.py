@@ -2,12 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load, save
 from upath import UPath
 
 from tactile_core.errors import TactileError
+from tactile_core.reconstruction.known_shapes import unpack
 from tactile_core.reconstruction.trained import load_unet, save_unet
 
 
@@ -26,6 +28,19 @@ def test_a_stored_unet_is_read_back_as_it_was(unet, stored):
     touches = torch.zeros(1, 1, 64, 64)
     touches[..., 30, 25] = 1
     assert torch.equal(again.net()(touches), unet.net()(touches))
+
+
+def test_the_known_shapes_are_stored_with_the_net_and_can_be_forgotten(
+    knowing_unet, shapes, tmp_path
+):
+    masks = shapes["train"].masks
+    save_unet(knowing_unet, UPath(tmp_path))
+    again = load_unet(UPath(tmp_path))
+    assert again.version() == knowing_unet.version()
+    np.testing.assert_array_equal(unpack(again.known, 64), masks)
+    less = again.forgetting(masks[:5])
+    np.testing.assert_array_equal(unpack(less.known, 64), masks[5:])
+    assert less.version() != again.version()
 
 
 def test_equal_unets_are_equal_files(unet, stored, tmp_path):

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tactile_core.errors import TactileError
+from tactile_core.reconstruction.batches import ORIENTATIONS
+from tactile_core.reconstruction.known_shapes import KnownShapes, unpack
 from tactile_core.reconstruction.training import (
     begin_training,
     evaluate,
@@ -64,13 +66,16 @@ def test_the_weights_kept_are_those_of_the_lowest_eval_loss(unet, shapes):
     assert jaccard.mean() == pytest.approx(best["eval_jaccard"], abs=0.1)
 
 
-@pytest.mark.parametrize("epoch", [1, 3, 4])
-def test_a_training_killed_after_an_epoch_and_started_again_ends_the_same(train, epoch, tmp_path):
-    whole = train(work=tmp_path / "whole")
+@pytest.mark.parametrize(("epoch", "knows"), [(1, False), (3, False), (4, False), (2, True)])
+def test_a_training_killed_after_an_epoch_and_started_again_ends_the_same(
+    train, epoch, knows, tmp_path
+):
+    settings = QUICK.model_copy(update={"known_shapes": knows})
+    whole = train(settings, work=tmp_path / "whole")
     with pytest.raises(PowerCutError):
-        train(work=tmp_path / "cut", progress=cut_after(f"epoch {epoch}/4"))
+        train(settings, work=tmp_path / "cut", progress=cut_after(f"epoch {epoch}/4"))
     said = []
-    resumed = train(work=tmp_path / "cut", progress=said.append)
+    resumed = train(settings, work=tmp_path / "cut", progress=said.append)
     assert said[0] == f"U-Net: resuming after epoch {epoch}"
     assert sum("epoch" in message for message in said[1:]) == 4 - epoch
     assert resumed.version() == whole.version()
@@ -158,6 +163,38 @@ def test_touches_can_be_drawn_some_other_way(train, small_shapes, tmp_path):
     trained = train(one, draw=corner)
     assert sorted(asked) == list(range(len(small_shapes["train"])))
     assert trained.version() != train(one, work=tmp_path / "usual").version()
+
+
+def test_in_training_no_model_is_recalled_for_itself(train, small_shapes, monkeypatch):
+    """But for eval shapes, which are of other models, everything is."""
+    weigh, trained = KnownShapes.weights, small_shapes["train"]
+    own, seen = [], []
+
+    def watched(known, felt, models=None):
+        weights = weigh(known, felt, models)
+        if models is not None:
+            held = torch.from_numpy(models[:, None] == known.models).repeat(1, ORIENTATIONS)
+            own.append(weights[held].sum().item())
+            seen.extend(models)
+        return weights
+
+    monkeypatch.setattr(KnownShapes, "weights", watched)
+    unet = train(QUICK.model_copy(update={"known_shapes": True, "epochs": 1}))
+    assert sorted(seen) == sorted(trained.model_ids)
+    assert own == [0] * 4
+    np.testing.assert_array_equal(unpack(unet.known, 48), trained.masks)
+
+
+def test_known_shapes_tell_a_net_more_than_touches_do(knowing_unet, shapes):
+    """Its own train shapes it knows by heart; forgotten, they are as strange to it as others."""
+    train = shapes["train"]
+    touch_sets = fixed_touch_sets(train, seed=0)
+
+    def jaccard(unet):
+        return evaluate(unet.net(), touch_sets, train.masks, torch.device("cpu"))[1].mean()
+
+    forgotten = train.select(np.flatnonzero(train.categories == "mug"))
+    assert jaccard(knowing_unet) > 5 + jaccard(knowing_unet.forgetting(forgotten.masks))
 
 
 def test_an_epoch_tells_what_share_of_it_is_done(small_shapes):
