@@ -1,9 +1,12 @@
 """What PPO's CnnPolicy reads from an observation."""
 
 import numpy as np
+import torch
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import NatureCNN
 from torch import Tensor
+
+from tactile_core.reconstruction.inference import bfloat16_pays
 
 MARGIN = 6  # pixels of empty space kept around the part that a shape can reach
 
@@ -12,7 +15,7 @@ class WindowCNN(NatureCNN):
     """SB3's NatureCNN on the middle of the image, where alone there is anything to see.
 
     No shape leaves the middle half of the image (see `reconstruction.unet`): convolving the
-    empty rest would take most of the time of an update.
+    empty rest would take most of the time of an update. In bfloat16 where the processor has it.
     """
 
     def __init__(
@@ -31,4 +34,7 @@ class WindowCNN(NatureCNN):
 
     def forward(self, observations: Tensor) -> Tensor:
         end = observations.shape[-1] - self.margin
-        return super().forward(observations[..., self.margin : end, self.margin : end])
+        window = observations[..., self.margin : end, self.margin : end]
+        device = window.device.type
+        with torch.autocast(device, torch.bfloat16, enabled=bfloat16_pays(device)):
+            return super().forward(window).float()

@@ -6,6 +6,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import NatureCNN
 
+from tactile_core.exploration import features
 from tactile_core.exploration.features import WindowCNN
 
 
@@ -42,8 +43,13 @@ def test_nothing_near_the_border_is_read(resolution):
     assert torch.equal(cnn(images), cnn(torch.zeros_like(images)))
 
 
-def test_at_the_lowest_resolution_it_reads_as_much_as_nature_cnn_needs():
+@pytest.mark.parametrize("pays", [True, False])
+def test_at_the_lowest_resolution_it_reads_as_much_as_nature_cnn_needs(monkeypatch, pays):
+    """In float32 to the bit, in bfloat16 nearly so."""
+    monkeypatch.setattr(features, "bfloat16_pays", lambda device: pays)
     torch.manual_seed(0)
     plain = NatureCNN(spaces.Box(0, 1, (2, 36, 36), np.float32), normalized_image=True)
     images = observations(48, 0.25, 0.75)
-    assert torch.equal(window_cnn(48)(images), plain(images[..., 6:42, 6:42]))
+    found, wanted = window_cnn(48)(images), plain(images[..., 6:42, 6:42])
+    assert found.dtype == torch.float32
+    torch.testing.assert_close(found, wanted, rtol=0, atol=0.005 if pays else 0)
