@@ -6,6 +6,7 @@ the README's results anew from docs/results/study, or docs/results/laptop where 
 a test holds the README to it.
 """
 
+import argparse
 import json
 import os
 import platform
@@ -37,12 +38,14 @@ FIGURES = ("figure_2.png", "figure_3.png", "figure_4.png", "figure_5.png", "run.
 
 def publish(name: str) -> None:
     """Write docs/results/`name` from what the assets stored."""
+    from tactile_core.reconstruction.trained import load_unet
+
     store = Store.from_environment()
-    folder = RESULTS / name
-    folder.mkdir(parents=True, exist_ok=True)
-    settings = json.loads(store.path("unet", "settings.json").read_bytes())["settings"]
     reconstruction = read_table(store.path("reconstruction_evaluation.parquet"))
     evaluations = stored_evaluations(store)
+    settings = load_unet(store.path("unet")).settings
+    folder = RESULTS / name
+    folder.mkdir(parents=True, exist_ok=True)
     tables = {
         "hyperparameters": hyperparameter_rows(settings),
         "reconstruction": reconstruction_rows(reconstruction),
@@ -187,8 +190,11 @@ def with_results(readme: str, results: str) -> str:
 
 
 def main(arguments: list[str]) -> None:
-    if arguments:
-        publish(arguments[0])
+    parser = argparse.ArgumentParser("python -m tactile_assets.publish", description=__doc__)
+    parser.add_argument("name", nargs="?", help="folder below docs/results for the last run")
+    name = parser.parse_args(arguments).name
+    if name:
+        publish(name)
     README.write_text(with_results(README.read_text(), readme_results(shown_run())))
 
 
