@@ -17,7 +17,7 @@ from tactile_core.reconstruction.batches import ORIENTATIONS, orient
 
 KNOWN_SHAPES = "known_shapes"  # what they are called beside the weights of a net
 
-MOST = 4096  # shapes remembered; at resolution 64 each takes 64 KiB
+MOST = 4096  # shapes remembered; at resolution 64 each takes 72 KiB
 COARSEST = 64  # resolution at which shapes and what was felt are compared
 # A touch speaks against a shape by its squared distance to that shape's outline, as under a normal
 # error of so many pixels; beyond the farthest, one stray touch should not rule a shape out.
