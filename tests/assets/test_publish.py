@@ -9,6 +9,8 @@ from tactile_assets.publish import (
     README,
     RESULTS,
     command,
+    main,
+    publish,
     readme_results,
     shown_run,
     with_results,
@@ -64,3 +66,12 @@ def test_a_readme_without_marks_is_refused():
     with pytest.raises(TactileError, match="lacks the marks"):
         with_results("# Readme", "results")
     assert with_results(f"a {BEGIN} old {END} z", "new") == f"a {BEGIN}\n\nnew\n\n{END} z"
+
+
+def test_where_nothing_was_run_nothing_is_published(tmp_path, monkeypatch):
+    monkeypatch.setenv("TACTILE_HOME", str(tmp_path))
+    with pytest.raises(TactileError, match="is missing: materialise"):
+        publish("nothing")
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert not list(RESULTS.glob("nothing")) + list(RESULTS.glob("-*"))
