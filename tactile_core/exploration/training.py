@@ -11,6 +11,7 @@ import torch
 from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
 from tactile_core.exploration.approaches import find_approach
 from tactile_core.exploration.gain_learner import train_scorer
 from tactile_core.exploration.policies import PPO_FILE, SCORER_FILE
@@ -82,10 +83,15 @@ def lessons(train: Shapes, unet: TrainedUNet) -> tuple[Shapes, Reconstructor]:
     """The shapes to train a policy on, and what reconstructs them for it.
 
     A U-Net that knows these shapes leaves nothing to find out about them. Such a one forgets every
-    second model, and the policy is trained on those.
+    second model, and the policy is trained on those. Raises `TactileError` where it knows one only.
     """
     if unet.known is None:
         return train, Reconstructor(unet)
-    _, models = np.unique(train.model_ids, return_inverse=True)
+    ids, models = np.unique(train.model_ids, return_inverse=True)
+    if len(ids) < 2:
+        raise TactileError(
+            f"{ids[0]} is the only train model, and the U-Net knows its shapes: add meshes, or "
+            "materialise unet without known_shapes"
+        )
     some = train.select(np.flatnonzero(models % 2))
     return some, Reconstructor(unet.forgetting(some.masks))
