@@ -115,6 +115,10 @@ def test_policies_learn_on_shapes_that_the_unet_does_not_know(shapes, unet, know
     rest = ~np.isin(train.model_ids, some.model_ids)
     known = dataclasses.replace(knowing_unet, known=pack(train.masks[rest]))
     assert reconstructor.version == known.version()
+
+
+def test_a_single_train_model_that_the_unet_knows_is_refused(shapes, knowing_unet):
+    train = shapes["train"]
     one = train.select(np.flatnonzero(train.model_ids == train.model_ids[0]))
     with pytest.raises(TactileError, match="is the only train model"):
         lessons(one, knowing_unet)
