@@ -1,9 +1,9 @@
 """Publish a run: `python -m tactile_assets.publish NAME` after `make run`.
 
 Copies the tables and figures of the stored assets to docs/results/NAME, with the command,
-commit, machine and time that made them. `python -m tactile_assets.publish` alone only writes
-the README's results anew from docs/results/study, or docs/results/laptop where that is not there;
-a test holds the README to it.
+commit, machine and time that made them. `python -m tactile_assets.publish` alone only writes anew
+the page of every published run, and the README's results from docs/results/study, or
+docs/results/laptop where that is not there; a test holds both to it.
 """
 
 import argparse
@@ -20,24 +20,20 @@ import dagster as dg
 import pandas as pd
 
 from tactile_assets.config import PROFILE
+from tactile_assets.pages import PICTURES, page, readme_part
 from tactile_assets.resources import REPOSITORY, Store
 from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
-from tactile_core.evaluation.tables import (
-    hyperparameter_rows,
-    markdown_table,
-    reconstruction_rows,
-)
+from tactile_core.evaluation.tables import hyperparameter_rows, reconstruction_rows
 from tactile_core.files import read_table
 
 RESULTS = REPOSITORY / "docs" / "results"
 README = REPOSITORY / "README.md"
 BEGIN, END = "<!-- results: python -m tactile_assets.publish -->", "<!-- end of results -->"
-FIGURES = ("figure_2.png", "figure_3.png", "figure_4.png", "figure_5.png", "run.gif")
 
 
-def publish(name: str) -> None:
-    """Write docs/results/`name` from what the assets stored."""
+def publish(name: str, note: str | None = None) -> None:
+    """Write docs/results/`name` from what the assets stored, with a `note` on how it was run."""
     from tactile_core.reconstruction.trained import load_unet
 
     store = Store.from_environment()
@@ -59,11 +55,13 @@ def publish(name: str) -> None:
             f"{title}_summary": results.summary,
         }
     about = run_facts(evaluations)  # before anything is written: the commit must not look changed
+    if note:
+        about["note"] = note
     for file in folder.glob("real_*.csv"):  # of an earlier run, that this one may not have
         file.unlink()
     for title, table in tables.items():
         table.to_csv(folder / f"{title}.csv", index=False, float_format="%.4f")
-    for figure in FIGURES:
+    for figure in PICTURES:
         (folder / figure).write_bytes(store.path("figures", figure).read_bytes())
     (folder / "run.json").write_text(json.dumps(about, indent=2, ensure_ascii=False) + "\n")
     print(f"Published to {folder}")
@@ -140,46 +138,6 @@ def shown_run(results: Path = RESULTS) -> Path:
     return study if study.is_dir() else results / "laptop"
 
 
-def readme_results(folder: Path) -> str:
-    """The README's section of results, in markdown, from a published run."""
-    about = json.loads((folder / "run.json").read_text())
-    parts = [
-        f"`{about['command']}` at commit {about['commit']} on {about['machine']}, "
-        f"{about['started']}: {about['minutes']} minutes; {about['test samples']} test samples. "
-        f"{about.get('note', '')}".strip(),
-        "**Hyperparameters** (the report's Table I)",
-        table_of(folder / "hyperparameters.csv"),
-        "**Reconstruction** (Table II)",
-        table_of(folder / "reconstruction.csv"),
-        "**Per step**: Jaccard index after each ray (Figure 4)",
-        table_of(folder / "per_step.csv"),
-        "**Per grasp**: Jaccard index at each touch (Figure 5)",
-        table_of(folder / "per_grasp.csv"),
-    ]
-    if (folder / "per_step_comparison.csv").exists():
-        parts += [
-            "**Beside the fixed rules**, per step: interquartile means, Jaccard points above `even`"
-            " and `coverage` on the same samples, and the probability of improvement over them",
-            table_of(folder / "per_step_comparison.csv"),
-            "The same per grasp",
-            table_of(folder / "per_grasp_comparison.csv"),
-        ]
-    if (folder / "real_per_step.csv").exists():
-        generated = "TACTILE_SHAPENET" not in about["command"]
-        parts += [
-            f"**On real meshes**{' (trained on generated ones only)' if generated else ''}: "
-            f"{about['real samples']} samples, per step",
-            table_of(folder / "real_per_step.csv"),
-            "The same per grasp",
-            table_of(folder / "real_per_grasp.csv"),
-        ]
-    return "\n\n".join(parts)
-
-
-def table_of(file: Path) -> str:
-    return markdown_table(pd.read_csv(file, dtype=str, keep_default_na=False)).strip()
-
-
 def with_results(readme: str, results: str) -> str:
     """The README with the section between the two marks replaced."""
     before, _, rest = readme.partition(BEGIN)
@@ -192,10 +150,13 @@ def with_results(readme: str, results: str) -> str:
 def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser("python -m tactile_assets.publish", description=__doc__)
     parser.add_argument("name", nargs="?", help="folder below docs/results for the last run")
-    name = parser.parse_args(arguments).name
-    if name:
-        publish(name)
-    README.write_text(with_results(README.read_text(), readme_results(shown_run())))
+    parser.add_argument("--note", help="what else to know of this run, in a sentence")
+    given = parser.parse_args(arguments)
+    if given.name:
+        publish(given.name, given.note)
+    for run in RESULTS.glob("*/run.json"):
+        (run.parent / "README.md").write_text(page(run.parent))
+    README.write_text(with_results(README.read_text(), readme_part(shown_run())))
 
 
 if __name__ == "__main__":

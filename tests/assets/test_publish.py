@@ -1,8 +1,11 @@
 import json
+import re
 import shutil
 
+import pandas as pd
 import pytest
 
+from tactile_assets.pages import how_it_was_made, page, readme_part
 from tactile_assets.publish import (
     BEGIN,
     END,
@@ -11,18 +14,31 @@ from tactile_assets.publish import (
     command,
     main,
     publish,
-    readme_results,
     shown_run,
     with_results,
 )
 from tactile_core.errors import TactileError
 
+PUBLISHED = [file.parent for file in sorted(RESULTS.glob("*/run.json"))]
+
 
 def test_the_readmes_results_are_those_of_the_published_run():
-    published = readme_results(shown_run())
+    published = readme_part(shown_run())
     assert with_results(README.read_text(), published) == README.read_text(), (
         "run: python -m tactile_assets.publish"
     )
+
+
+@pytest.mark.parametrize("run", PUBLISHED, ids=lambda run: run.name)
+def test_every_published_run_has_a_page_with_its_tables_and_pictures(run):
+    written = (run / "README.md").read_text()
+    assert written == page(run), "run: python -m tactile_assets.publish"
+    rows = pd.read_csv(run / "per_step.csv")
+    assert written.count("| coverage |") >= 2
+    assert all(f"| {policy} |" in written for policy in rows["policy"])
+    assert set(re.findall(r"\]\((.*)\)", written)) == {
+        file.name for file in run.iterdir() if file.suffix in (".png", ".gif")
+    }
 
 
 def test_the_readme_shows_the_study_where_one_is_published_and_else_the_laptops_run(tmp_path):
@@ -32,18 +48,15 @@ def test_the_readme_shows_the_study_where_one_is_published_and_else_the_laptops_
     assert shown_run(tmp_path) == tmp_path / "study"
 
 
-def test_the_readme_has_the_tables_on_real_meshes_where_they_were_published(tmp_path):
+def test_a_page_has_the_tables_on_real_meshes_where_they_were_published(tmp_path):
     run = shutil.copytree(RESULTS / "laptop", tmp_path / "laptop")
-    for file in run.glob("real_*.csv"):
-        file.unlink()
-    assert "real meshes" not in readme_results(run)
+    assert "real meshes" not in page(run)
     for name in ("per_step", "per_grasp"):
         shutil.copy(run / f"{name}.csv", run / f"real_{name}.csv")
     about = json.loads((run / "run.json").read_text()) | {"real samples": 195}
     (run / "run.json").write_text(json.dumps(about))
-    text = readme_results(run)
-    heading = "**On real meshes** (trained on generated ones only): 195 samples"
-    assert text.partition(heading)[2].count("| oracle |") == 2
+    assert "195 of real meshes, trained on generated ones" in how_it_was_made(run)
+    assert page(run).count("on real meshes**") == 2
 
 
 def test_a_run_is_told_by_the_command_that_makes_it_again():
@@ -53,13 +66,11 @@ def test_a_run_is_told_by_the_command_that_makes_it_again():
     assert json.loads(given.strip("'")) == settings
 
 
-def test_every_published_run_says_how_it_was_made():
-    runs = sorted(RESULTS.glob("*/run.json"))
-    assert runs
-    for run in runs:
-        about = json.loads(run.read_text())
-        assert {"command", "commit", "machine", "started", "minutes", "seeds"} <= about.keys()
-        assert "dirty" not in about["commit"]
+@pytest.mark.parametrize("run", PUBLISHED, ids=lambda run: run.name)
+def test_every_published_run_says_how_it_was_made(run):
+    about = json.loads((run / "run.json").read_text())
+    assert {"command", "commit", "machine", "started", "minutes", "seeds"} <= about.keys()
+    assert "dirty" not in about["commit"]
 
 
 def test_a_readme_without_marks_is_refused():

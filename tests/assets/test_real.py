@@ -7,7 +7,7 @@ import dagster as dg
 import pandas as pd
 import pytest
 
-from tactile_assets import publish, real
+from tactile_assets import pages, publish, real
 from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tactile_core.dataset.pictures import decode_masks, encode_mask
@@ -93,7 +93,7 @@ def test_a_broken_mesh_is_counted_with_its_reason_and_stops_nothing(evaluated):
 
 
 def test_figures_of_the_test_split_stay_beside_those_of_the_real_meshes(evaluated, chain):
-    for figure in publish.FIGURES:
+    for figure in pages.PICTURES:
         kept = chain.store.path("figures", figure).read_bytes()
         assert evaluated.store.path("figures", figure).read_bytes() == kept
         assert evaluated.store.path("figures", f"real_{figure}").read_bytes() != kept
@@ -117,20 +117,21 @@ def test_the_real_rows_are_published_with_the_variable_and_leave_with_it(
     monkeypatch.setattr(
         "tactile_assets.results.PROFILE", PROFILE.model_copy(update={"real": str(scans)})
     )
-    publish.publish("some")
+    publish.publish("some", note="On a warm day.")
     folder = tmp_path / "results" / "some"
     for name in EVALUATIONS:
         for part in ("", "_curve", "_summary"):
             assert len(pd.read_csv(folder / f"{name}{part}.csv")), name
-    text = publish.readme_results(folder)
+    text = pages.page(folder)
     assert f"TACTILE_REAL={scans} dagster asset materialize --select '*' --config-json" in text
-    assert "**On real meshes** (trained on generated ones only): 4 samples" in text
+    assert "4 of real meshes, trained on generated ones. On a warm day." in text
+    assert text.count("on real meshes**") == 2
 
     monkeypatch.delenv("TACTILE_REAL")
     monkeypatch.setattr("tactile_assets.results.PROFILE", PROFILE)
     publish.publish("some")
     assert not list(folder.glob("real_*"))
-    assert "real meshes" not in publish.readme_results(folder)
+    assert "real meshes" not in pages.page(folder)
 
 
 def test_shapes_of_another_resolution_than_the_unets_are_refused_in_one_line(evaluated):
