@@ -10,19 +10,16 @@ from benchmarks.timing import Pace, Row
 from tactile_core.dataset.camera import project
 from tactile_core.dataset.rasteriser import rasterise
 from tactile_core.dataset.shapes import Shapes, load_shapes
+from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.errors import TactileError
 from tactile_core.exploration.references import find_reference
 from tactile_core.exploration.state import Explorations
 from tactile_core.files import read_table
+from tactile_core.reconstruction.batches import draw_touch_sets
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
-from tactile_core.reconstruction.training import (
-    begin_training,
-    fixed_touch_sets,
-    images_of_sets,
-    train_epoch,
-)
+from tactile_core.reconstruction.training import begin_training, train_epoch
 
 GOAL = 0.1  # points of the Jaccard index
 TOUCH_SETS, RAYS = 5, 10  # for each test shape
@@ -35,7 +32,7 @@ def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> pd.DataFrame
     exact, rough = Reconstructor(unet, "float32"), Reconstructor(unet, "bfloat16")
     tables = []
     for name, images in {
-        "sets of 1 to 10 touches": touch_sets(test),
+        "sets of 1 to 10 touches": uniform_touches(test),
         "touches of 1 to 10 rays": touches_of_rays(test, exact),
     }.items():
         wanted = np.concatenate([test.masks] * (len(images) // len(test)))
@@ -72,20 +69,24 @@ def pair_summary(pairs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(summary).reset_index()
 
 
-def touch_sets(test: Shapes) -> np.ndarray:
+def uniform_touches(test: Shapes) -> np.ndarray:
     """Uniform touch sets on each outline, as images (5 · N, R, R)."""
-    sets = [touches for seed in range(TOUCH_SETS) for touches in fixed_touch_sets(test, seed)]
-    return images_of_sets(sets, test.resolution)
+    sets = [
+        touches
+        for seed in range(TOUCH_SETS)
+        for touches in draw_touch_sets(test, np.random.default_rng(seed))
+    ]
+    return rasterise_touches(sets, test.resolution).astype(np.int8)
 
 
 def touches_of_rays(test: Shapes, reconstructor: Reconstructor) -> np.ndarray:
-    """The touches held after each of ten rays of `even`, as images (10 · N, R, R)."""
+    """What each of ten rays of `even` left felt, as the U-Net sees it, (10 · N, R, R) int8."""
     policy = find_reference("even")
     explorations = Explorations(test.masks, reconstructor)
     images = []
     for _ in range(RAYS):
         explorations.cast(policy.choose(explorations, np.random.default_rng(0)))
-        images.append(explorations.touches.copy())
+        images.append(explorations.felt())
     return np.concatenate(images)
 
 

@@ -130,17 +130,12 @@ def a_unet_can_overfit(
     unet_search: pd.DataFrame, rotated_splits: pd.DataFrame, outlines: pd.DataFrame
 ) -> dg.AssetCheckResult:
     """A small U-Net learns a handful of shapes by heart at 60 touches (report, section V)."""
-    import torch
-
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.reconstruction.scores import overfit_jaccard
+    from tactile_core.threads import one_thread
 
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # a net this small gains nothing from a second one
-    try:
+    with one_thread():
         jaccard = overfit_jaccard(load_shapes(rotated_splits, outlines, "train"))
-    finally:
-        torch.set_num_threads(threads)
     return dg.AssetCheckResult(
         passed=jaccard >= OVERFIT_JACCARD,
         description=f"Jaccard index {jaccard:.1f}; {OVERFIT_JACCARD:.0f} is expected",

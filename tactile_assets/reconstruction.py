@@ -173,8 +173,8 @@ def examples(
     from tactile_core.reconstruction.scores import touch_sets_of
 
     test = load_shapes(rotated_splits, outlines, "test")
-    indices, touches = zip(*touch_sets_of(test, tactile_samples), strict=True)
-    masks = test.masks[list(indices)]
+    indices, touches = touch_sets_of(test, tactile_samples)
+    masks = test.masks[indices]
     predictions = Reconstructor(unet).predict(rasterise_touches(touches, test.resolution))
     scores = jaccard_index(predictions, masks)
     return png(reconstruction_sheet(touches, predictions, masks, scores))

@@ -2,5 +2,5 @@
 
 The sub-packages follow the report: `dataset` (section IV), `reconstruction` (V),
 `exploration` (VI) and `evaluation` (VII). Imports go one way: evaluation → exploration →
-reconstruction → dataset.
+reconstruction → dataset. `figures` draws what each of them made.
 """

@@ -21,8 +21,7 @@ from tactile_core.errors import TactileError
 def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
     """Open `path` for binary writing; it appears under its name only when the block succeeds.
 
-    Local files are written aside and renamed. Object stores publish an object when it is
-    closed, so there a failed block closes nothing under the final name.
+    It is written aside and moved: renamed on a disk, copied and deleted in an object store.
     """
     target = UPath(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -37,14 +36,12 @@ def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
         raise
 
 
-def write_table(
-    table: pd.DataFrame, path: str | os.PathLike | UPath, schema: pa.Schema | None = None
-) -> None:
+def write_table(table: pd.DataFrame, path: str | os.PathLike | UPath) -> None:
     """Write `table` as one Parquet file, whole or not at all.
 
     A column of (K, 2) arrays, such as outlines, is stored as lists of pairs.
     """
-    arrow = _to_arrow(table, schema)
+    arrow = _to_arrow(table)
     with written_whole(path) as file:
         pq.write_table(arrow, file, compression="zstd")
 
@@ -68,9 +65,14 @@ def read_table(path: str | os.PathLike | UPath) -> pd.DataFrame:
 
 
 def table_hash(table: pd.DataFrame) -> str:
-    """Hash of a table's content (16 hex digits), independent of index and file format."""
+    """Hash of a table's columns, types and content (16 hex digits), whatever its index.
+
+    It is taken from the memory format: a Parquet file names the library that wrote it.
+    """
+    arrow = _to_arrow(table).combine_chunks()
     sink = io.BytesIO()
-    pq.write_table(_to_arrow(table), sink, compression="none")
+    with pa.ipc.new_stream(sink, arrow.schema) as stream:
+        stream.write_table(arrow)
     return content_hash(sink.getvalue())
 
 
@@ -84,13 +86,13 @@ def content_hash(*parts: bytes | str | Any) -> str:
     return digest.hexdigest()[:16]
 
 
-def _to_arrow(table: pd.DataFrame, schema: pa.Schema | None = None) -> pa.Table:
+def _to_arrow(table: pd.DataFrame) -> pa.Table:
     pairs = {
         name: pd.arrays.ArrowExtensionArray(pa.chunked_array([_lists_of_pairs(cells)]))
         for name, cells in table.items()
         if len(cells) and isinstance(cells.iloc[0], np.ndarray) and cells.iloc[0].ndim == 2
     }
-    arrow = pa.Table.from_pandas(table.assign(**pairs), schema=schema, preserve_index=False)
+    arrow = pa.Table.from_pandas(table.assign(**pairs), preserve_index=False)
     return arrow.replace_schema_metadata(None)
 
 

@@ -8,7 +8,7 @@ in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop, study or pap
 
 import os
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -17,11 +17,18 @@ from tactile_core.errors import TactileError
 RESOLUTION = Field(
     64,
     ge=48,  # PPO's CnnPolicy needs 36 pixels at least
-    le=1024,
+    le=512,
     multiple_of=16,
     description="Mask height and width R.",
 )
 SEED = Field(0, ge=0, description="Seed of every random choice in this stage.")
+
+NotNegative = Annotated[int, Field(ge=0)]
+Positive = Annotated[int, Field(ge=1)]
+Rate = Annotated[float, Field(gt=0)]
+# A batch of one cannot be normalised at the U-Net's deepest level, where one pixel may be left.
+BatchSize = Annotated[int, Field(ge=2)]
+Depth = Annotated[int, Field(ge=1, le=6)]
 
 
 class Settings(BaseModel):
@@ -78,7 +85,9 @@ class TouchSettings(Settings):
 
     sets_per_mask: int = Field(5, ge=1, description="Touch sets drawn for each mask.")
     fewest: int = Field(1, ge=0, description="Fewest touches in a set.")
-    most: int = Field(10, ge=1, description="Most touches in a set.")
+    most: int = Field(
+        10, ge=1, description="Most touches in a set. Table II's: trainings draw 1 to 10."
+    )
     seed: int = SEED
 
 
@@ -92,12 +101,12 @@ class SearchSettings(Settings):
     )
     concurrent: int = Field(1, ge=1, description="Trials at a time; 1 repeats exactly.")
     reduction_factor: int = Field(4, ge=2, description="HyperBand's reduction factor.")
-    learning_rate: list[float] = Field(
+    learning_rate: list[Rate] = Field(
         [1e-4, 3e-3], min_length=2, max_length=2, description="Log-uniform range."
     )
-    batch_sizes: list[int] = Field([16, 32, 64], min_length=1, description="Choices.")
-    depths: list[int] = Field([3, 4], min_length=1, description="Choices.")
-    channels: list[int] = Field([8, 16], min_length=1, description="Choices.")
+    batch_sizes: list[BatchSize] = Field([16, 32, 64], min_length=1, description="Choices.")
+    depths: list[Depth] = Field([3, 4], min_length=1, description="Choices.")
+    channels: list[Positive] = Field([8, 16], min_length=1, description="Choices.")
     seed: int = SEED
 
 
@@ -108,11 +117,11 @@ class UNetSettings(Settings):
     unless they are given here.
     """
 
-    learning_rate: float | None = Field(None, gt=0, description="Empty: best trial's.")
-    batch_size: int | None = Field(None, ge=1, description="Empty: best trial's.")
-    depth: int | None = Field(None, ge=1, le=6, description="Levels. Empty: best trial's.")
-    channels: int | None = Field(
-        None, ge=1, description="Channels of the first level. Empty: best trial's."
+    learning_rate: Rate | None = Field(None, description="Empty: best trial's.")
+    batch_size: BatchSize | None = Field(None, description="Empty: best trial's.")
+    depth: Depth | None = Field(None, description="Levels. Empty: best trial's.")
+    channels: Positive | None = Field(
+        None, description="Channels of the first level. Empty: best trial's."
     )
     epochs: int = Field(40, ge=1, description="Most epochs.")
     patience: int = Field(
@@ -140,7 +149,7 @@ class PolicySettings(Settings):
     approaches: list[str] = Field(
         [], description="Training approaches, by name; empty: every one there is."
     )
-    seeds: list[int] = Field([0], min_length=1, description="One training for each seed.")
+    seeds: list[NotNegative] = Field([0], min_length=1, description="One training for each seed.")
     steps_per_stage: int = Field(49_152, ge=1, description="Rays cast per training stage.")
     environments: int = Field(32, ge=1, description="Environments stepped as one batch.")
     rays_per_rollout: int = Field(
@@ -171,7 +180,7 @@ class EvaluationSettings(Settings):
         True, description="Trained policies take their most likely ray; else they draw one."
     )
     count: int = Field(10, ge=1, description="Rays (per step) or touches (per grasp).")
-    ray_limit: int = Field(100, ge=1, description="Most rays per roll-out (per grasp).")
+    ray_limit: int = Field(100, ge=1, description="Most rays per rollout (per grasp).")
     resamples: int = Field(2000, ge=10, description="Bootstrap resamples for 95 % intervals.")
     seed: int = SEED
 

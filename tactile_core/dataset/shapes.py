@@ -4,13 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from tactile_core.dataset.pictures import decode_masks
 from tactile_core.errors import TactileError
 
 SPLITS = ("train", "eval", "test")
-POINTS = pa.list_(pa.list_(pa.int16(), 2))  # how tables store (row, column) points
 
 
 @dataclass(frozen=True)

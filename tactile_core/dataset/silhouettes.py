@@ -165,14 +165,6 @@ def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list
     return masks
 
 
-def inside_circle(masks: np.ndarray) -> np.ndarray:
-    """(N,) bool: which of (N, R, R) masks keep clear of the circle of rays (radius R/2 − 1)."""
-    resolution = masks.shape[-1]
-    offset = np.arange(resolution) - (resolution - 1) / 2
-    beyond = np.hypot(offset[:, None], offset) > resolution / 2 - 2
-    return ~(masks & beyond).any(axis=(1, 2))
-
-
 def available_cpus() -> int:
     """How many CPUs this process may run on."""
     try:

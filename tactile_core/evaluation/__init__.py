@@ -1,1 +1,1 @@
-"""Report, section VII: roll-outs over the test split, their statistics and figures."""
+"""Report, section VII: rollouts over the test split, their statistics and figures."""

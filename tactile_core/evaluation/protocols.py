@@ -1,12 +1,14 @@
 """The report's two evaluations (section VII): per step, and per grasp."""
 
 import zlib
+from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
 from tactile_core.evaluation.rollout import Rollout
 from tactile_core.exploration.policies import Policy
 from tactile_core.exploration.rays import ray_ends
@@ -110,7 +112,7 @@ def record_rollout(
     reconstructor: Reconstructor,
     settings: EvaluationSettings,
 ) -> Rollout:
-    """Ten rays of `policy` on test sample `index`, recorded for drawing (Figures 2 and 3)."""
+    """A rollout of `settings.count` rays on test sample `index`, to draw (Figures 2 and 3)."""
     rng = policy_rng(policy, settings.seed)
     explorations = Explorations(test.masks[index : index + 1], reconstructor)
     rays, touches, predictions, jaccard = [], [], [], []
@@ -132,8 +134,16 @@ def record_rollout(
 
 
 def with_references(policies: Sequence[Policy], settings: EvaluationSettings) -> list[Policy]:
-    """The reference policies that `settings` name, then the trained ones."""
-    return [*map(find_reference, settings.references), *policies]
+    """The reference policies that `settings` name, then the trained ones.
+
+    Raises `TactileError` where two have one name and seed: no table could tell them apart.
+    """
+    every = [*map(find_reference, dict.fromkeys(settings.references)), *policies]
+    twice = [who for who, n in Counter((one.name, one.seed) for one in every).items() if n > 1]
+    if twice:
+        name, seed = twice[0]
+        raise TactileError(f"two policies are called {name!r} with seed {seed}: rename an approach")
+    return every
 
 
 def policy_rng(policy: Policy, seed: int) -> np.random.Generator:

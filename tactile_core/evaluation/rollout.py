@@ -1,4 +1,4 @@
-"""One roll-out, recorded for drawing."""
+"""One rollout, recorded for drawing."""
 
 from dataclasses import dataclass
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from tactile_core.evaluation.statistics import mean_curve, summarise_grasps, summarise_steps
+from tactile_core.evaluation.statistics import BARS, mean_curve, summarise_grasps, summarise_steps
 
 REPORT_TABLE_I = {"batch_size": 4, "learning_rate": 2.074e-5, "depth": 6, "channels": 128}
 REPORT_TABLE_II = {  # split → loss, Jaccard index
@@ -100,7 +100,7 @@ def comparison_rows(summary: pd.DataFrame) -> pd.DataFrame:
         }
         | {
             column: text
-            for bar in ("even", "coverage")
+            for bar in BARS
             for score, when in (("last", "end"), ("mean", "mean"))
             for column, text in (
                 (f"above {bar}, {when}", above(*quantity(policy, f"{score}_above_{bar}"))),
@@ -138,6 +138,9 @@ def hyperparameter_rows(chosen: Mapping[str, float]) -> pd.DataFrame:
     )
 
 
+# What has no interval is not shown: in some resample it was not defined.
+
+
 def quantity(row: pd.Series, name: str) -> tuple[float, float, float]:
     """A quantity of a summary row with its interval."""
     return row[name], row[f"{name}_low"], row[f"{name}_high"]
@@ -145,17 +148,17 @@ def quantity(row: pd.Series, name: str) -> tuple[float, float, float]:
 
 def around(value: float, low: float, high: float) -> str:
     """87.5 ±1.0"""
-    return NONE if pd.isna(value) else f"{value:.1f} ±{(high - low) / 2:.1f}"
+    return NONE if pd.isna(low) else f"{value:.1f} ±{(high - low) / 2:.1f}"
 
 
 def above(value: float, low: float, high: float) -> str:
     """+3.4 (2.9 to 3.9), in Jaccard points"""
-    return NONE if pd.isna(value) else f"{value:+.1f} ({low:.1f} to {high:.1f})"
+    return NONE if pd.isna(low) else f"{value:+.1f} ({low:.1f} to {high:.1f})"
 
 
 def around_percent(value: float, low: float, high: float) -> str:
     """A share as 82 ±3 %; without ± where it is the same in every resample"""
-    if pd.isna(value):
+    if pd.isna(low):
         return NONE
     return (
         f"{100 * value:.0f} %" if low == high else f"{100 * value:.0f} ±{50 * (high - low):.0f} %"
@@ -164,7 +167,7 @@ def around_percent(value: float, low: float, high: float) -> str:
 
 def between(value: float, low: float, high: float) -> str:
     """0.73 (0.69-0.78)"""
-    return NONE if pd.isna(value) else f"{value:.2f} ({low:.2f}-{high:.2f})"
+    return NONE if pd.isna(low) else f"{value:.2f} ({low:.2f}-{high:.2f})"
 
 
 def percent(share: float) -> str:

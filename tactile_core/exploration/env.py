@@ -13,7 +13,7 @@ from skimage.draw import line
 
 from tactile_core.exploration.approaches import DIFF, Stage
 from tactile_core.exploration.circle import report_circle
-from tactile_core.exploration.rays import MISS
+from tactile_core.exploration.rays import MISS, RAYS
 from tactile_core.exploration.state import Cast, to_grey
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.jaccard import THRESHOLD, jaccard_index
@@ -67,7 +67,7 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
         reconstructor: Reconstructor,
         stage: Stage = DIFF,
         *,
-        count: int = 10,
+        count: int = RAYS,
         ray_limit: int = 100,
         render_mode: str | None = None,
     ) -> None:

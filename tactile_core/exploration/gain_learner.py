@@ -13,14 +13,13 @@ from torch.utils.tensorboard import SummaryWriter
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.gains import find_gains
-from tactile_core.exploration.rays import candidate_rays
+from tactile_core.exploration.rays import RAYS, candidate_rays
 from tactile_core.exploration.replay import Replay
 from tactile_core.exploration.scorer import RayScorer, ray_values, score, scorer_images
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import PolicySettings
 
-RAYS = 10  # in an episode
 CURVE = ("loss", "reward", "jaccard", "touches")
 # One unit of value at the first ray, in Jaccard points. Later rays add less, about as one over
 # their number, and their unit shrinks with it: else the net would learn only the first ones.
@@ -28,6 +27,8 @@ POINTS = 15.0
 ITERATIONS_PER_CHECKPOINT = 50
 # Most candidate rays miss or repeat; at full weight they would drown what there is to gain.
 WASTED_WEIGHT = 0.2
+WARM_UP = 0.05  # share of the steps over which the learning rate rises
+SHORTEST_SCHEDULE = 21  # with 20 steps its warm-up has no length, and PyTorch divides by that
 
 
 def train_scorer(
@@ -59,7 +60,7 @@ def train_scorer(
             learner.iterate()
             if learner.iteration % max(1, settings.gain_iterations // 20) == 0:
                 row = learner.report()
-                for name in ("loss", "reward", "jaccard", "touches"):
+                for name in CURVE:
                     writer.add_scalar(f"gain/{name}", row[name], row["steps"])
                 progress(
                     f"{title}: {learner.iteration}/{settings.gain_iterations} iterations, gain "
@@ -84,11 +85,12 @@ class GainLearner:
         self.candidates = candidate_rays(train.resolution).reshape(-1, 2)
         self.net = RayScorer().to(self.device)
         self.optimizer = torch.optim.AdamW(self.net.parameters(), weight_decay=1e-4)
+        steps = settings.gain_iterations * settings.gain_updates
         self.schedule = torch.optim.lr_scheduler.OneCycleLR(
             self.optimizer,
             settings.gain_learning_rate,
-            total_steps=settings.gain_iterations * settings.gain_updates,
-            pct_start=0.05,
+            total_steps=max(steps, SHORTEST_SCHEDULE),
+            pct_start=WARM_UP,
         )
         count = settings.gain_states
         self.explorations = Explorations(self.draw_masks(count), reconstructor)

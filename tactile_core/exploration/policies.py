@@ -88,8 +88,8 @@ class RecallPolicy:
     """Tries the rays of highest value on known shapes that agree with what was felt, and casts the
     one that is best on average."""
 
-    def __init__(self, seed: int, net: RayScorer, known: KnownShapes) -> None:
-        self.name = "recall"
+    def __init__(self, name: str, seed: int, net: RayScorer, known: KnownShapes) -> None:
+        self.name = name
         self.seed = seed
         self.net = net
         self.known = known
@@ -142,10 +142,9 @@ def scorer_policies(about: dict[str, Any], stored: bytes) -> list[Policy]:
     known = known_shapes(tensors.pop(KNOWN_SHAPES).numpy().tobytes(), about["resolution"])
     net = RayScorer().to(best_device()).eval()
     net.load_state_dict(tensors)
-    return [
-        ScorerPolicy(about["approach"], about["seed"], net),
-        RecallPolicy(about["seed"], net, known),
-    ]
+    approach, seed = about["approach"], about["seed"]
+    recall = "recall" if approach == "gain" else f"recall_{approach}"
+    return [ScorerPolicy(approach, seed, net), RecallPolicy(recall, seed, net, known)]
 
 
 def ppo_policies(about: dict[str, Any], stored: bytes) -> list[Policy]:

@@ -64,7 +64,6 @@ def train_ppo(
                 restore(model, env, saved)
         else:
             model.set_env(env)
-            model._last_obs = None
         target = (number + 1) * settings.steps_per_stage
         recorder = Recorder(
             f"{approach.name} seed {seed}", number, curve, target, checkpoint, key, progress
@@ -170,6 +169,7 @@ def training_state(stage: int, model: PPO, curve: list[dict[str, float]]) -> dic
         "last_starts": model._last_episode_starts,
         "env": env.get_state(),
         "torch": torch.get_rng_state(),
+        "cuda": torch.cuda.get_rng_state_all(),  # empty without a GPU
         "numpy": np.random.get_state(),
     }
 
@@ -183,6 +183,7 @@ def restore(model: PPO, env: BatchedTactileEnv, saved: dict[str, Any]) -> None:
     model._last_episode_starts = saved["last_starts"]
     env.set_state(saved["env"])
     torch.set_rng_state(saved["torch"])
+    torch.cuda.set_rng_state_all(saved["cuda"])
     np.random.set_state(saved["numpy"])
 
 

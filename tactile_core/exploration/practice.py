@@ -4,22 +4,25 @@ A U-Net meets the touches that policies make, and those are neither uniform nor 
 first U-Net is trained, then a ray scorer on it, and its rays on the train shapes are recorded.
 """
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from upath import UPath
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.gain_learner import train_scorer
 from tactile_core.exploration.policies import Policy, ScorerPolicy
-from tactile_core.exploration.ray_touches import RAYS, RaySequences, rays_and_outlines
-from tactile_core.exploration.rays import candidate_rays
+from tactile_core.exploration.ray_touches import RaySequences, rays_and_outlines
+from tactile_core.exploration.rays import RAYS, candidate_rays
 from tactile_core.exploration.references import find_reference
 from tactile_core.exploration.state import Explorations
 from tactile_core.files import content_hash
 from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.trained import TrainedUNet, load_unet, save_unet
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import PolicySettings, UNetSettings
 
@@ -42,26 +45,23 @@ def practise(
     """Train a first U-Net for half of the epochs, a ray scorer on it, and record their rays.
 
     `settings` as for `train_unet`; the first U-Net knows no shapes, or what it is to practise on
-    would be known to it. `work` receives the checkpoints of both trainings and the
+    would be known to it. `work` receives the checkpoints of both trainings, the first U-Net and the
     sequences themselves: practice that was killed goes on where it was.
     """
-    key = content_hash(settings.model_dump(), train.masks.tobytes(), evaluation.masks.tobytes())
+    lessons = PolicySettings()
+    key = content_hash(
+        settings.model_dump(), lessons.model_dump(),
+        train.masks.tobytes(), evaluation.masks.tobytes(),
+    )  # fmt: skip
     finished = work / "sequences.pt"
     saved = load_checkpoint(finished, key)
     if saved:
         return RaySequences(**saved)
-    half = settings.model_copy(
-        update={"epochs": max(1, settings.epochs // 2), "known_shapes": False}
-    )
-    unet = train_unet(
-        train, evaluation, half, work=work / "unet",
-        draw=rays_and_outlines(train, settings.seed, settings.free_space),
-        progress=lambda message: progress(f"practice: {message}"),
-    )  # fmt: skip
+    unet = first_unet(train, evaluation, settings, key, work / "unet", progress)
     reconstructor = Reconstructor(unet)
     net, _ = train_scorer(
-        "practice: gain", settings.seed, train, reconstructor, PolicySettings(),
-        key=key, work=work / "gain", progress=progress,
+        "practice: gain", settings.seed, train, reconstructor, lessons,
+        key=content_hash(key, unet.version()), work=work / "gain", progress=progress,
     )  # fmt: skip
     gain = ScorerPolicy("gain", settings.seed, net.eval())
     coverage = find_reference("coverage")
@@ -74,8 +74,33 @@ def practise(
         progress(f"practice: {number}/{len(practices)} runs recorded, {some.policy.name}")
     sequences = RaySequences(*(np.stack(arrays, axis=1) for arrays in zip(*recorded, strict=True)))
     save_checkpoint(finished, key, sequences._asdict())
+    shutil.rmtree(work / "unet")
     (work / "gain" / "checkpoint.pt").unlink(missing_ok=True)
     return sequences
+
+
+def first_unet(
+    train: Shapes,
+    evaluation: Shapes,
+    settings: UNetSettings,
+    key: str,
+    work: Path,
+    progress: Callable[[str], None],
+) -> TrainedUNet:
+    """The U-Net to practise on: trained for half of the epochs, and kept in `work` under `key`."""
+    kept = UPath(work / key)
+    if (kept / "settings.json").exists():
+        return load_unet(kept)
+    half = settings.model_copy(
+        update={"epochs": max(1, settings.epochs // 2), "known_shapes": False}
+    )
+    unet = train_unet(
+        train, evaluation, half, work=work,
+        draw=rays_and_outlines(train, settings.seed, settings.free_space),
+        progress=lambda message: progress(f"practice: {message}"),
+    )  # fmt: skip
+    save_unet(unet, kept)
+    return unet
 
 
 def record(

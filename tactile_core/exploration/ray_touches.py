@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.exploration.rays import candidate_rays, cast_rays, mark_free
+from tactile_core.exploration.rays import RAYS, candidate_rays, cast_rays, mark_free
 from tactile_core.exploration.references import GOLDEN, towards_middle
 from tactile_core.reconstruction.batches import DrawFelt, outline_touches, touch_images
 
-RAYS = 10
 SEQUENCES = 8  # of each kind for each shape
 
 

@@ -13,6 +13,7 @@ from skimage.draw import line
 from tactile_core.compiled import compiled
 from tactile_core.exploration.circle import angle_index, circle_pixels, frozen
 
+RAYS = 10  # in an episode (report, section VI)
 MISS = -1
 
 # steps, row, column, error, row step, column step, long, short, steep

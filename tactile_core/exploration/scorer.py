@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from tactile_core.exploration.circle import frozen, middle
-from tactile_core.exploration.rays import candidate_rays, ray_ends
+from tactile_core.exploration.rays import RAYS, candidate_rays, ray_ends
 from tactile_core.exploration.state import Explorations, to_grey
 from tactile_core.reconstruction.inference import bfloat16_pays
 
@@ -29,14 +29,14 @@ class RayScorer(nn.Module):
 
     def __init__(self, width: int = 48, blocks: int = 3) -> None:
         super().__init__()
-        self.width = width
         self.read = nn.Conv2d(CHANNELS * SAMPLES + 1, width, 1)
         self.blocks = nn.ModuleList(Neighbours(width) for _ in range(blocks))
         self.value = nn.Conv2d(width, 1, 1)
 
     def forward(self, images: Tensor, rays: Tensor) -> Tensor:
         samples = along_rays(images)  # (N, C·L, angles, offsets)
-        step = (rays.float() / 10)[:, None, None, None].expand(-1, 1, ANGLES, OFFSETS)
+        # Beyond the rays of an episode, which it has learnt from, the last one stands for all.
+        step = (rays.clamp(max=RAYS - 1) / RAYS)[:, None, None, None].expand(-1, 1, ANGLES, OFFSETS)
         x = functional.relu(self.read(torch.cat([samples, step], dim=1)))
         for block in self.blocks:
             x = block(x)
@@ -97,7 +97,7 @@ class Neighbours(nn.Module):
 def along_rays(images: Tensor) -> Tensor:
     """Images (N, C, R, R) uint8 sampled along each candidate ray, (N, C·L, angles, offsets).
 
-    L samples lie evenly on the part of the ray inside the middle half of the image.
+    L samples lie evenly on the half of the ray that is nearest the middle of the image.
     """
     count, channels, resolution, _ = images.shape
     where = torch.tensor(sample_pixels(resolution), device=images.device)
@@ -123,24 +123,31 @@ def sample_pixels(resolution: int) -> np.ndarray:
 def scorer_images(explorations: Explorations) -> np.ndarray:
     """What the scorer sees of N explorations, (N, 3, R, R) uint8, 0–255.
 
-    Touches are grown by one pixel, so that no ray's samples step over them.
+    Touches are grown, so that no ray's samples step over them.
     """
+    reach = touch_reach(explorations.resolution)
     return np.stack(
         [
             to_grey(explorations.predictions),
-            grown(explorations.touches) * np.uint8(255),
+            grown(explorations.touches, reach) * np.uint8(255),
             explorations.free * np.uint8(255),
         ],
         axis=1,
     )
 
 
-def grown(images: np.ndarray) -> np.ndarray:
-    """Each 1 of (N, R, R) uint8 spread to its eight neighbours."""
-    wide = images.copy()
-    wide[:, 1:] |= images[:, :-1]
-    wide[:, :-1] |= images[:, 1:]
-    result = wide.copy()
-    result[:, :, 1:] |= wide[:, :, :-1]
-    result[:, :, :-1] |= wide[:, :, 1:]
-    return result
+def touch_reach(resolution: int) -> int:
+    """Half the way between two samples of a ray, in pixels: 1 up to resolution 156."""
+    return -(-resolution // (4 * (SAMPLES - 1)))
+
+
+def grown(images: np.ndarray, reach: int) -> np.ndarray:
+    """Each 1 of (N, R, R) uint8 spread over the square of pixels at most `reach` away."""
+    for _ in range(reach):
+        wide = images.copy()
+        wide[:, 1:] |= images[:, :-1]
+        wide[:, :-1] |= images[:, 1:]
+        images = wide.copy()
+        images[:, :, 1:] |= wide[:, :, :-1]
+        images[:, :, :-1] |= wide[:, :, 1:]
+    return images

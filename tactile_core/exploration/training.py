@@ -17,10 +17,11 @@ from tactile_core.exploration.gain_learner import train_scorer
 from tactile_core.exploration.policies import PPO_FILE, SCORER_FILE
 from tactile_core.exploration.ppo import train_ppo
 from tactile_core.files import content_hash, write_table, written_whole
-from tactile_core.reconstruction.inference import Reconstructor, best_device
+from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import KNOWN_SHAPES, pack
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.settings import PolicySettings
+from tactile_core.threads import one_thread
 
 
 def train_policy(
@@ -42,25 +43,23 @@ def train_policy(
     Raises `TactileError` for an unknown approach.
     """
     recipe = find_approach(approach)
-    if best_device().type == "cpu":
-        # Trainings run side by side, one a core; one thread each also makes the result
-        # independent of how many cores there are.
-        torch.set_num_threads(1)
     own = settings.model_dump(exclude={"approaches", "seeds"})
     key = content_hash(approach, seed, own, unet.version(), train.masks.tobytes())
     remembered = pack(train.masks)
     train, reconstructor = lessons(train, unet)
     if recipe.learner == "gains":
-        net, curve = train_scorer(
-            f"{approach} seed {seed}", seed, train, reconstructor, settings,
-            key=key, work=work, progress=progress,
-        )  # fmt: skip
+        with one_thread():
+            net, curve = train_scorer(
+                f"{approach} seed {seed}", seed, train, reconstructor, settings,
+                key=key, work=work, progress=progress,
+            )  # fmt: skip
         weights = net.state_dict() | {KNOWN_SHAPES: torch.from_numpy(remembered)}
         stored, name = safetensors.torch.save(weights), SCORER_FILE
     else:
-        model, curve = train_ppo(
-            recipe, seed, train, reconstructor, settings, key=key, work=work, progress=progress
-        )
+        with one_thread():
+            model, curve = train_ppo(
+                recipe, seed, train, reconstructor, settings, key=key, work=work, progress=progress
+            )
         weights = model.policy.state_dict()
         zipped = io.BytesIO()
         model.save(zipped)

@@ -10,12 +10,13 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from tactile_core.exploration.approaches import Stage
 from tactile_core.exploration.circle import report_order
+from tactile_core.exploration.rays import RAYS
 from tactile_core.exploration.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor
 
 
 class BatchedTactileEnv(VecEnv):
-    """`count` environments like `TactileEnv`, step for step, as one Stable-Baselines3 VecEnv.
+    """Many environments like `TactileEnv`, step for step, as one Stable-Baselines3 VecEnv.
 
     `reward_scale` multiplies the rewards that the learner sees; the returns in an episode's
     info stay in Jaccard points. Environment i draws its masks from a generator of its own,
@@ -30,7 +31,7 @@ class BatchedTactileEnv(VecEnv):
         reconstructor: Reconstructor,
         stage: Stage,
         *,
-        count: int = 10,
+        count: int = RAYS,
         ray_limit: int = 100,
         reward_scale: float = 1.0,
         seed: int = 0,

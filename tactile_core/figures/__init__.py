@@ -1,5 +1,5 @@
 """Pictures of every stage, as matplotlib figures and as small PNG or GIF bytes.
 
-Every function returns a `Figure` of its own; nothing touches pyplot or a display. `style.png`
-turns a figure into the bytes that metadata and docs hold.
+Figures are `Figure`s of their own: nothing touches pyplot or a display. `style.png` turns one into
+the bytes that metadata and docs hold; an animation is a GIF from the start.
 """

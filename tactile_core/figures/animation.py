@@ -1,4 +1,4 @@
-"""One roll-out as a short animation: a GIF for metadata and for the README."""
+"""One rollout as a short animation: a GIF for metadata and for the README."""
 
 import io
 from collections.abc import Iterator

@@ -114,7 +114,7 @@ def touches_curve(reconstruction: pd.DataFrame) -> Figure:
 
 
 def training_curves(curves: pd.DataFrame) -> Figure:
-    """PPO's training from columns approach, seed, steps, reward, jaccard: one line per seed.
+    """How trainings went, from columns approach, seed, steps, reward, jaccard: a line per seed.
 
     Rewards of different approaches cannot be compared, so each has axes of its own.
     """

@@ -10,8 +10,7 @@ from matplotlib.patches import Circle
 
 from tactile_core.evaluation.rollout import Rollout
 from tactile_core.figures.style import FAINT, INK, MUTED, PINK, RAY, SHAPE, YELLOW, glow, picture
-
-THRESHOLD = 0.5  # of the prediction, for the Jaccard index
+from tactile_core.reconstruction.jaccard import THRESHOLD
 
 
 def steps_figure(rollout: Rollout) -> Figure:

@@ -27,26 +27,38 @@ class OutlinePoints:
     lengths: np.ndarray
 
 
-def pad_outlines(outlines: list[np.ndarray]) -> OutlinePoints:
-    """Outlines (K_i, 2) as one array, so that touches of a whole batch are drawn at once."""
+def pad_outlines(outlines: list[np.ndarray], least: int) -> OutlinePoints:
+    """Outlines (K_i, 2) as one array at least `least` long, so that touches of a whole batch are
+    drawn at once."""
     lengths = np.array([len(outline) for outline in outlines])
-    points = np.zeros((len(outlines), lengths.max(), 2), np.int16)
+    points = np.zeros((len(outlines), max(lengths.max(), least), 2), np.int16)
     for row, outline in zip(points, outlines, strict=True):
         row[: len(outline)] = outline
     return OutlinePoints(points, lengths)
 
 
 def outline_touches(shapes: Shapes, fewest: int = FEWEST, most: int = MOST) -> DrawTouches:
-    """Draws `fewest` to `most` touches uniformly from each outline."""
-    outlines = pad_outlines(shapes.outlines)
+    """Draws `fewest` to `most` different touches uniformly from each outline, and never more than
+    the outline has."""
+    outlines = pad_outlines(shapes.outlines, least=most)
 
     def draw(rng: np.random.Generator, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         lengths = outlines.lengths[indices, None]
-        chosen = (rng.random((len(indices), most)) * lengths).astype(np.intp)
-        held = np.arange(most) < rng.integers(fewest, most + 1, (len(indices), 1))
-        return outlines.points[indices[:, None], chosen], held
+        keys = rng.random((len(indices), outlines.points.shape[1]))
+        keys[np.arange(keys.shape[1]) >= lengths] = 1.0  # beyond the end: after all others
+        chosen = np.argsort(keys, axis=1)[:, :most]
+        count = np.minimum(rng.integers(fewest, most + 1, (len(indices), 1)), lengths)
+        return outlines.points[indices[:, None], chosen], np.arange(most) < count
 
     return draw
+
+
+def draw_touch_sets(
+    shapes: Shapes, rng: np.random.Generator, fewest: int = FEWEST, most: int = MOST
+) -> list[np.ndarray]:
+    """One set (k, 2) of `fewest` to `most` touches of each shape's outline."""
+    points, held = outline_touches(shapes, fewest, most)(rng, np.arange(len(shapes)))
+    return [some[which] for some, which in zip(points, held, strict=True)]
 
 
 def felt_outlines(shapes: Shapes, fewest: int = FEWEST, most: int = MOST) -> DrawFelt:
@@ -81,8 +93,10 @@ def training_batches(
     the other side is as good a shape. `samples` ends the epoch early.
     """
     order = rng.permutation(len(shapes))[:samples]
-    for start in range(0, len(order), batch_size):
-        indices = order[start : start + batch_size]
+    ends = list(range(batch_size, len(order), batch_size))
+    if ends and len(order) - ends[-1] == 1:
+        ends.pop()  # a batch of one cannot be normalised: it joins the one before
+    for indices in np.split(order, ends):
         felt, masks = draw(rng, indices), shapes.masks[indices]
         orientation = int(rng.integers(ORIENTATIONS))
         yield indices, orient(felt, orientation), orient(masks, orientation)

@@ -11,8 +11,9 @@ from tactile_core.reconstruction.unet import fuse_normalisation, place
 
 Precision = Literal["auto", "bfloat16", "float32"]
 
-# Larger batches leave the CPU's caches; on a GPU one pass takes them all.
+# Larger batches leave the CPU's caches, and do not fit a GPU's memory.
 LARGEST_CPU_BATCH = {torch.bfloat16: 256, torch.float32: 64}
+MOST_GPU_PIXELS = 2**23  # 128 images at 256×256: some 3 GB in the report's widest net
 LARGEST_TABLE = 64  # resolution; 17 MB there, and sixteen times as much at twice that
 
 
@@ -50,7 +51,7 @@ class Reconstructor:
             `free_space`, −1 where a ray has passed
         """
         on_cpu = self.device.type == "cpu"
-        batch = LARGEST_CPU_BATCH[self.dtype] if on_cpu else max(len(felt), 1)
+        batch = LARGEST_CPU_BATCH[self.dtype] if on_cpu else MOST_GPU_PIXELS // self.resolution**2
         parts = [self._forward(felt[start : start + batch]) for start in range(0, len(felt), batch)]
         return np.concatenate(parts) if parts else np.zeros(felt.shape, np.float32)
 

@@ -33,8 +33,19 @@ def picked(count: int) -> slice:
 
 def pack(masks: np.ndarray) -> np.ndarray:
     """Masks (N, R, R) bool, or as many of them as are remembered, as (n, R²/8) uint8."""
-    some = masks[picked(len(masks))]
-    return np.packbits(some.reshape(len(some), -1), axis=1)
+    return bits_of(masks[picked(len(masks))])
+
+
+def bits_of(masks: np.ndarray) -> np.ndarray:
+    """Masks (N, R, R) bool, a bit for each pixel, (N, R²/8) uint8."""
+    return np.packbits(masks.reshape(len(masks), -1), axis=1)
+
+
+def models_of(packed: np.ndarray, masks: np.ndarray, model_ids: np.ndarray) -> np.ndarray:
+    """The models (n,) str that packed masks are of, found among `masks` (N, R, R) of `model_ids`
+    (N,); "" where it is none of them."""
+    known = {row.tobytes(): model for row, model in zip(bits_of(masks), model_ids, strict=True)}
+    return np.array([known.get(row.tobytes(), "") for row in packed], dtype=str)
 
 
 def unpack(packed: np.ndarray, resolution: int) -> np.ndarray:

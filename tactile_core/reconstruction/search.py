@@ -42,7 +42,8 @@ def search_unet(
 
     `RAY_ADDRESS` names a running cluster; unset, a local Ray starts and is shut down. With
     `concurrent` 1 the same seed gives the same table. Raises `TactileError` where every
-    trial failed.
+    trial failed. All nodes of a cluster must see `work` under the same path: Ray keeps the
+    trials' checkpoints there.
 
     Ray cannot restore a BOHB search. So trials leave their epochs in `work`, keyed by what
     they tried: a search that was killed and starts again repeats the same suggestions and
@@ -50,8 +51,10 @@ def search_unet(
     """
     with running_ray(settings.concurrent), seeded(settings.seed):
         results = run_trials(train, evaluation, settings, work.resolve(), progress)
-    finished = [results[index].metrics or {} for index in range(len(results))]
-    rows = [trial_row(result) for result in finished if "loss" in result]
+    # A trial that failed keeps its last good report: it must not win the search by that.
+    ended = [results[index] for index in range(len(results))]
+    finished = [result.metrics or {} for result in ended if result.error is None]
+    rows = [trial_row(metrics) for metrics in finished if "loss" in metrics]
     if not rows:
         reason = str(results.errors[0]).strip().splitlines()[-1] if results.errors else "no trial"
         raise TactileError(f"every trial of the U-Net search failed; the first says: {reason}")
@@ -150,8 +153,13 @@ def run_trials(
 
 def search_space(settings: SearchSettings) -> dict[str, Any]:
     """Report, Table I: the four hyperparameters. BOHB ignores quantised ranges, so choices."""
+    lowest, highest = settings.learning_rate
+    if lowest >= highest:
+        raise TactileError(
+            f"learning_rate [{lowest}, {highest}] is no range: give the lower end first"
+        )
     return {
-        "learning_rate": tune.loguniform(*settings.learning_rate),
+        "learning_rate": tune.loguniform(lowest, highest),
         "batch_size": tune.choice(settings.batch_sizes),
         "depth": tune.choice(settings.depths),
         "channels": tune.choice(settings.channels),
@@ -159,11 +167,17 @@ def search_space(settings: SearchSettings) -> dict[str, Any]:
 
 
 def resources_per_trial(concurrent: int) -> dict[str, float]:
-    """An equal share of the cluster's processors and, where it has some, its GPUs."""
-    cluster = ray.cluster_resources()
-    shares = {"cpu": max(1, int(cluster["CPU"]) // concurrent), "gpu": cluster.get("GPU", 0)}
-    shares["gpu"] /= concurrent
-    return {name: share for name, share in shares.items() if share}
+    """An equal share of the cluster's processors and, where it has some, its GPUs.
+
+    A trial runs on one node, so it gets no more than the largest has, and whole GPUs above one.
+    """
+    nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]
+    shares = {}
+    for name in ("CPU", "GPU"):
+        there = [node.get(name, 0.0) for node in nodes]
+        share = min(sum(there) / concurrent, max(there))
+        shares[name.lower()] = float(int(share)) if share > 1 else share
+    return {"cpu": max(1.0, shares["cpu"])} | ({"gpu": shares["gpu"]} if shares["gpu"] else {})
 
 
 def trial_row(metrics: dict[str, Any]) -> dict[str, Any]:

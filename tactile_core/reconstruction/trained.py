@@ -12,9 +12,16 @@ from safetensors import SafetensorError
 from torch import Tensor
 from upath import UPath
 
+from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table, write_table, written_whole
-from tactile_core.reconstruction.known_shapes import KNOWN_SHAPES, KnownShapes, unpack
+from tactile_core.reconstruction.known_shapes import (
+    KNOWN_SHAPES,
+    KnownShapes,
+    bits_of,
+    models_of,
+    unpack,
+)
 from tactile_core.reconstruction.unet import UNet
 
 
@@ -43,11 +50,17 @@ class TrainedUNet:
         """Whether the U-Net was trained to see where rays have passed."""
         return bool(self.settings.get("free_space"))
 
-    def net(self) -> UNet:
-        """A fresh net in eval mode that holds these weights."""
+    def net(self, trained_on: Shapes | None = None) -> UNet:
+        """A fresh net in eval mode that holds these weights.
+
+        Given the shapes that it was `trained_on`, it can be told whose known shapes not to recall.
+        """
         known = None
         if self.known is not None:
-            known = KnownShapes(unpack(self.known, self.resolution))
+            models = None
+            if trained_on is not None:
+                models = models_of(self.known, trained_on.masks, trained_on.model_ids)
+            known = KnownShapes(unpack(self.known, self.resolution), models)
         net = UNet(self.depth, self.channels, known)
         net.load_state_dict(self.weights)
         return net.eval()
@@ -65,7 +78,7 @@ class TrainedUNet:
     def forgetting(self, masks: np.ndarray) -> "TrainedUNet":
         """This U-Net without `masks` (N, R, R) bool among the shapes that it knows."""
         assert self.known is not None
-        forgotten = {row.tobytes() for row in np.packbits(masks.reshape(len(masks), -1), axis=1)}
+        forgotten = {row.tobytes() for row in bits_of(masks)}
         kept = [row.tobytes() not in forgotten for row in self.known]
         return replace(self, known=self.known[kept])
 

@@ -13,13 +13,13 @@ from torch.nn import functional
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 from tactile_core.reconstruction.batches import (
     DrawFelt,
+    draw_touch_sets,
     felt_outlines,
-    outline_touches,
-    touch_images,
     training_batches,
 )
 from tactile_core.reconstruction.inference import best_device, bfloat16_pays
@@ -120,21 +120,27 @@ def bce_loss(
 
 @torch.no_grad()
 def evaluate(
-    net: nn.Module, touch_sets: Sequence[np.ndarray], masks: np.ndarray, device: torch.device
+    net: nn.Module,
+    touch_sets: Sequence[np.ndarray],
+    masks: np.ndarray,
+    device: torch.device,
+    models: np.ndarray | None = None,
 ) -> tuple[float, np.ndarray]:
     """Loss (mean over pixels) and Jaccard indices (N,) of N touch sets (k, 2) on their masks.
+
+    models : (N,) str, whose masks these are, for a net that must not recall them
 
     Raises `TactileError` where the loss is not finite.
     """
     net.eval()
     losses, scores = [], []
     for start in range(0, len(masks), EVALUATION_BATCH):
-        some = masks[start : start + EVALUATION_BATCH]
-        inputs = torch.from_numpy(
-            images_of_sets(touch_sets[start : start + EVALUATION_BATCH], masks.shape[-1])
-        ).to(device, torch.float32)[:, None]
+        batch = slice(start, start + EVALUATION_BATCH)
+        some, own = masks[batch], None if models is None else models[batch]
+        touched = torch.from_numpy(rasterise_touches(touch_sets[batch], masks.shape[-1]))
+        inputs = touched.to(device, torch.float32)[:, None]
         with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16_pays(device.type)):
-            logits = net(inputs.contiguous(memory_format=torch.channels_last)).float()
+            logits = net(inputs.contiguous(memory_format=torch.channels_last), own).float()
         labels = torch.from_numpy(some).to(device, torch.float32)[:, None]
         loss = functional.binary_cross_entropy_with_logits(logits, labels)
         losses.append(loss.item() * len(some))
@@ -147,24 +153,6 @@ def finite(loss: float) -> float:
     if not np.isfinite(loss):
         raise TactileError("the U-Net's loss is no longer finite: choose a lower learning_rate")
     return loss
-
-
-def images_of_sets(touch_sets: Sequence[np.ndarray], resolution: int) -> np.ndarray:
-    """Touch sets of differing sizes (k_i, 2) as images (N, R, R) int8."""
-    most = max((len(points) for points in touch_sets), default=0)
-    points = np.zeros((len(touch_sets), most, 2), np.int16)
-    held = np.zeros((len(touch_sets), most), bool)
-    for row, (row_points, row_held) in enumerate(zip(points, held, strict=True)):
-        row_points[: len(touch_sets[row])] = touch_sets[row]
-        row_held[: len(touch_sets[row])] = True
-    return touch_images(points, held, resolution)
-
-
-def fixed_touch_sets(shapes: Shapes, seed: int) -> list[np.ndarray]:
-    """One set of 1–10 touches for each shape, always the same for one seed."""
-    rng = np.random.default_rng(seed)
-    points, held = outline_touches(shapes)(rng, np.arange(len(shapes)))
-    return [some[which] for some, which in zip(points, held, strict=True)]
 
 
 def train_unet(
@@ -192,7 +180,7 @@ def train_unet(
         models = train.model_ids[picked(len(train))]
         known = KnownShapes(unpack(packed, train.resolution), models)
     training = begin_training(depth, channels, rate, settings.seed, known)
-    touch_sets = fixed_touch_sets(evaluation, settings.seed)
+    touch_sets = draw_touch_sets(evaluation, np.random.default_rng(settings.seed))
     drawn = draw.__qualname__ if draw else None
     key = content_hash(
         settings.model_dump(), drawn, train.masks.tobytes(), evaluation.masks.tobytes()

@@ -4,18 +4,15 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from ray import tune
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.files import content_hash
-from tactile_core.reconstruction.training import (
-    begin_training,
-    evaluate,
-    fixed_touch_sets,
-    train_epoch,
-)
+from tactile_core.reconstruction.batches import draw_touch_sets
+from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
 from tactile_core.settings import SearchSettings
 
 CHECKPOINT = "trial.pt"
@@ -39,7 +36,7 @@ def run_trial(
     torch.set_num_threads(max(1, min(torch.get_num_threads(), int(share["CPU"]))))
     depth, channels = int(config["depth"]), int(config["channels"])
     training = begin_training(depth, channels, float(config["learning_rate"]), settings.seed)
-    touch_sets = fixed_touch_sets(evaluation, settings.seed)
+    touch_sets = draw_touch_sets(evaluation, np.random.default_rng(settings.seed))
     key = trial_key(config, train, evaluation, settings)
     kept = work / f"{key}.pt"
     curve: list[dict[str, float]] = []

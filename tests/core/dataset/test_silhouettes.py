@@ -2,8 +2,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from upath import UPath
 
 from tactile_core.dataset import opengl
@@ -11,7 +9,7 @@ from tactile_core.dataset.camera import project
 from tactile_core.dataset.meshes import load_mesh
 from tactile_core.dataset.pictures import decode_masks
 from tactile_core.dataset.rasteriser import rasterise
-from tactile_core.dataset.silhouettes import EMPTY, inside_circle, render_masks
+from tactile_core.dataset.silhouettes import EMPTY, render_masks
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, table_hash, write_table
 from tactile_core.settings import MaskSettings
@@ -149,13 +147,3 @@ def test_pyrender_without_opengl_is_refused(root, without_opengl):
     settings = MaskSettings(resolution=64, renderer="pyrender")
     with pytest.raises(TactileError, match="install the Debian packages libosmesa6"):
         render_masks(write_meshes(root), root, settings)
-
-
-@settings(deadline=None)
-@given(st.integers(0, 63), st.integers(0, 63))
-def test_masks_keep_clear_of_the_circle_of_rays(row, column):
-    """One pixel is inside when it is nearer to the middle than any pixel of the circle."""
-    mask = np.zeros((1, 64, 64), dtype=bool)
-    mask[0, row, column] = True
-    distance = np.hypot(row - 31.5, column - 31.5)
-    assert inside_circle(mask)[0] == (distance <= 30)

@@ -179,6 +179,20 @@ def test_a_recorded_rollout_holds_what_is_drawn(shapes, reconstructor):
         )
 
 
+def test_two_policies_of_one_name_and_seed_are_refused_before_any_is_rolled_out(
+    trained, shapes, reconstructor
+):
+    said = []
+    with pytest.raises(TactileError, match="two policies are called 'total' with seed 0"):
+        evaluate_per_step(
+            [trained[0], trained[0]], shapes["test"], reconstructor, SETTINGS, said.append
+        )
+    assert not said
+    twice = SETTINGS.model_copy(update={"references": ["even", "even"], "count": 1})
+    once = evaluate_per_step([], shapes["test"], reconstructor, twice)
+    assert len(once) == len(shapes["test"])
+
+
 def test_an_unknown_reference_is_refused(shapes, reconstructor):
     odd = SETTINGS.model_copy(update={"references": ["greedy"]})
     with pytest.raises(TactileError, match="'greedy' is unknown: choose from random, even"):

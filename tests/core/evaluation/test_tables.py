@@ -6,6 +6,10 @@ import pytest
 
 from tactile_core.evaluation.statistics import mean_curve, summarise_grasps, summarise_steps
 from tactile_core.evaluation.tables import (
+    above,
+    around,
+    around_percent,
+    between,
     comparison_rows,
     grasp_rows,
     hyperparameter_rows,
@@ -93,6 +97,13 @@ def test_a_quantity_without_its_reference_is_a_dash() -> None:
     assert compared.loc["total", "P(> even), end"] == "0.00 (0.00-0.00)"
     assert compared.loc["total", "above even, end"] == "-5.0 (-5.0 to -5.0)"
     assert (compared[["P(> coverage), end", "above coverage, mean"]] == "-").all(axis=None)
+
+
+def test_what_has_no_interval_is_a_dash() -> None:
+    """A share that some resample leaves undefined, as on a test split of a few samples."""
+    nan = float("nan")
+    for laid_out in (around, above, around_percent, between):
+        assert laid_out(0.8, nan, nan) == "-"
 
 
 def test_the_reconstruction_table_stands_beside_the_report_s() -> None:

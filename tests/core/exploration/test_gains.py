@@ -12,7 +12,7 @@ from tactile_core.exploration.circle import middle
 from tactile_core.exploration.gain_learner import train_scorer
 from tactile_core.exploration.gains import find_gains, first_of_each
 from tactile_core.exploration.policies import ScorerPolicy
-from tactile_core.exploration.rays import candidate_rays, cast_rays
+from tactile_core.exploration.rays import candidate_rays, cast_rays, pixels_along
 from tactile_core.exploration.references import find_reference
 from tactile_core.exploration.replay import Replay
 from tactile_core.exploration.scorer import (
@@ -24,6 +24,7 @@ from tactile_core.exploration.scorer import (
     ray_values,
     sample_pixels,
     scorer_images,
+    touch_reach,
 )
 from tactile_core.exploration.state import Explorations
 from tactile_core.settings import PolicySettings
@@ -179,6 +180,31 @@ def test_a_ray_s_samples_run_along_it_from_alpha_through_the_middle_half():
     assert along[..., -1] == pytest.approx(16, abs=3)
 
 
+@pytest.mark.parametrize("resolution", [64, 128, 192, 256])
+def test_no_ray_s_samples_step_over_a_touch(resolution):
+    samples = sample_pixels(resolution).reshape(ANGLES * OFFSETS, SAMPLES)
+    for sampled, passed in zip(samples[::7], pixels_along(resolution)[::7], strict=True):
+        seen = np.zeros((1, resolution, resolution), np.uint8)
+        seen.ravel()[sampled] = 1
+        rows, columns = np.divmod(passed[passed >= 0], resolution)
+        near = np.hypot(rows - middle(resolution), columns - middle(resolution)) <= resolution / 4
+        assert grown(seen, touch_reach(resolution))[0, rows[near], columns[near]].all()
+
+
+def test_values_beyond_the_rays_of_an_episode_are_those_of_its_last(explorations):
+    net, images = RayScorer().eval(), scorer_images(explorations)
+    last, beyond = (ray_values(net, images, np.full(3, rays)) for rays in (9, 40))
+    np.testing.assert_array_equal(last, beyond)
+
+
+def test_twenty_steps_are_a_training_like_any_other(shapes, reconstructor, tmp_path):
+    some = PolicySettings(gain_iterations=20, gain_states=2, gain_tries=1, gain_updates=1)
+    _, curve = train_scorer(
+        "gain", 0, shapes["train"], reconstructor, some, key="", work=tmp_path, progress=print
+    )
+    assert len(curve) == 20
+
+
 def test_a_quarter_turn_of_the_image_turns_the_values_by_a_quarter():
     """Of the ray grid: what a ray meets decides, not where it comes from."""
     torch.manual_seed(0)
@@ -196,9 +222,10 @@ def test_a_quarter_turn_of_the_image_turns_the_values_by_a_quarter():
     assert np.abs(np.roll(before, shift, axis=0) - after).mean() < 0.3 * spread
 
 
-def test_touches_grow_to_their_eight_neighbours():
+@pytest.mark.parametrize("reach", [1, 2])
+def test_touches_grow_to_the_pixels_around_them(reach):
     images = np.zeros((2, 8, 8), np.uint8)
     images[0, 3, 4] = images[1, 0, 7] = 1
-    expected = [ndimage.binary_dilation(image, np.ones((3, 3))) for image in images]
-    np.testing.assert_array_equal(grown(images), expected)
+    expected = [ndimage.binary_dilation(image, np.ones((2 * reach + 1,) * 2)) for image in images]
+    np.testing.assert_array_equal(grown(images, reach), expected)
     assert images.sum() == 2

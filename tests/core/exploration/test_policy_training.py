@@ -14,7 +14,7 @@ from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration import gain_learner, ppo
-from tactile_core.exploration.approaches import find_approach
+from tactile_core.exploration.approaches import APPROACHES, find_approach
 from tactile_core.exploration.circle import circle_pixels, report_circle
 from tactile_core.exploration.policies import PPOPolicy, load_policies
 from tactile_core.exploration.ppo import train_ppo
@@ -88,6 +88,29 @@ def test_a_policy_is_stored_with_its_curve_and_settings(train, unet, tmp_path, a
     curve = read_table(stored / "curve.parquet")
     assert {"stage", "steps", "reward", "jaccard", "touches"} <= set(curve.columns)
     assert curve["steps"].is_monotonic_increasing
+
+
+def test_a_training_leaves_pytorch_the_threads_it_had(train):
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        train("gain")
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_a_second_ray_scorer_has_a_recall_of_its_own(train, tmp_path, monkeypatch):
+    own = dataclasses.replace(find_approach("gain"), name="gain_too")
+    monkeypatch.setitem(APPROACHES, "gain_too", own)
+    for approach in ("gain", "gain_too"):
+        train(approach, name=approach)
+    names = [
+        policy.name
+        for approach in ("gain", "gain_too")
+        for policy in load_policies([UPath(tmp_path) / approach], 64)
+    ]
+    assert names == ["gain", "recall", "gain_too", "recall_gain_too"]
 
 
 @pytest.mark.parametrize("approach", ["diff", "gain"])

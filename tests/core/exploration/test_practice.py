@@ -5,8 +5,8 @@ import pytest
 
 from tactile_core.exploration import practice
 from tactile_core.exploration.practice import Practice, practise, record
-from tactile_core.exploration.ray_touches import RAYS, rays_and_outlines
-from tactile_core.exploration.rays import cast_rays
+from tactile_core.exploration.ray_touches import rays_and_outlines
+from tactile_core.exploration.rays import RAYS, cast_rays
 from tactile_core.exploration.references import find_reference
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.training import train_unet
@@ -53,6 +53,23 @@ def test_finished_practice_is_not_done_again(small_shapes, quick_gains, tmp_path
     np.testing.assert_array_equal(practise(*splits, QUICK, work=tmp_path).rays, first.rays)
     with pytest.raises(NameError):
         practise(*splits, QUICK.model_copy(update={"seed": 1}), work=tmp_path)
+
+
+def test_practice_killed_after_the_first_unet_trains_none_again(
+    small_shapes, quick_gains, tmp_path, monkeypatch
+):
+    splits = small_shapes["train"], small_shapes["eval"]
+    whole = practise(*splits, QUICK, work=tmp_path / "whole")
+
+    def cut(message):
+        if "practice: gain" in message:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        practise(*splits, QUICK, work=tmp_path / "cut", progress=cut)
+    monkeypatch.delattr(practice, "train_unet")
+    resumed = practise(*splits, QUICK, work=tmp_path / "cut")
+    np.testing.assert_array_equal(resumed.rays, whole.rays)
 
 
 def test_strays_are_as_many_as_asked(small_shapes, reconstructor_48):

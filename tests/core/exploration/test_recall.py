@@ -67,7 +67,8 @@ def test_the_rays_to_try_are_the_best_ones_that_are_not_neighbours(shapes, recon
 
 def test_recall_casts_the_best_of_the_rays_it_tried(known, shapes, reconstructor, scorer):
     explorations = explored(shapes["test"].masks, reconstructor, rays=2)
-    rays = RecallPolicy(0, scorer, known).choose(explorations, np.random.default_rng(5), True)
+    policy = RecallPolicy("recall", 0, scorer, known)
+    rays = policy.choose(explorations, np.random.default_rng(5), True)
     tried = best_rays_apart(scorer, explorations, policies.TRIED)
     felt = explorations.touches.astype(np.int8) - explorations.free
     recalled = known.draw(felt, policies.RECALLED, np.random.default_rng(5))
@@ -77,7 +78,7 @@ def test_recall_casts_the_best_of_the_rays_it_tried(known, shapes, reconstructor
 
 
 def test_recall_never_looks_at_the_true_shape(known, shapes, reconstructor, scorer):
-    policy = RecallPolicy(0, scorer, known)
+    policy = RecallPolicy("recall", 0, scorer, known)
     explorations = explored(shapes["test"].masks, reconstructor, rays=2)
     seen = policy.choose(explorations, np.random.default_rng(0), True)
     explorations.masks = np.zeros_like(explorations.masks)
@@ -90,6 +91,7 @@ def test_every_portion_casts_rays_that_were_tried(
 ):
     explorations = explored(shapes["test"].masks, reconstructor, rays=2)
     monkeypatch.setattr(policies, "PIXELS_AT_A_TIME", 1)
-    rays = RecallPolicy(0, scorer, known).choose(explorations, np.random.default_rng(0), True)
+    policy = RecallPolicy("recall", 0, scorer, known)
+    rays = policy.choose(explorations, np.random.default_rng(0), True)
     tried = best_rays_apart(scorer, explorations, policies.TRIED)
     assert all((some == ray).all(axis=1).any() for ray, some in zip(rays, tried, strict=True))

@@ -1,5 +1,7 @@
 """Training batches: masks, and touches drawn from their outlines."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from tactile_core.reconstruction.batches import (
     ORIENTATIONS,
+    draw_touch_sets,
     felt_outlines,
     orient,
     outline_touches,
@@ -43,7 +46,30 @@ def test_touches_lie_on_the_outline_and_are_as_many_as_asked(shapes, seed, fewes
     assert held.sum(axis=1).max() <= fewest + more
     for index, some, which in zip(indices, points, held, strict=True):
         outline = set(map(tuple, train.outlines[index].tolist()))
-        assert set(map(tuple, some[which].tolist())) <= outline
+        touches = list(map(tuple, some[which].tolist()))
+        assert set(touches) <= outline
+        assert len(set(touches)) == len(touches)
+
+
+def test_a_short_outline_is_touched_all_over_and_no_more(shapes):
+    train = shapes["train"]
+    short = replace(train, outlines=[outline[:3] for outline in train.outlines])
+    for touches, outline in zip(
+        draw_touch_sets(short, np.random.default_rng(0), 10, 10), short.outlines, strict=True
+    ):
+        assert sorted(touches.tolist()) == sorted(outline.tolist())
+
+
+@settings(deadline=None, max_examples=30)
+@given(count=st.integers(1, 24), batch_size=st.integers(2, 9), seed=seeds)
+def test_an_epoch_meets_every_shape_once_and_no_batch_is_of_one(shapes, count, batch_size, seed):
+    some = shapes["train"].select(np.arange(count))
+    batches = training_batches(
+        some, batch_size, np.random.default_rng(seed), felt_outlines(shapes["train"])
+    )
+    met = [indices for indices, _, _ in batches]
+    assert sorted(np.concatenate(met)) == list(range(count))
+    assert all(2 <= len(indices) <= batch_size + 1 for indices in met) or count == 1
 
 
 def test_one_to_ten_touches_are_equally_likely(shapes):
@@ -64,7 +90,7 @@ def test_every_outline_pixel_is_drawn_equally_often(shapes):
 
 
 def test_outlines_are_padded_without_loss(shapes):
-    padded = pad_outlines(shapes["train"].outlines)
+    padded = pad_outlines(shapes["train"].outlines, least=10)
     for outline, row, length in zip(
         shapes["train"].outlines, padded.points, padded.lengths, strict=True
     ):

@@ -9,11 +9,18 @@ import ray
 from ray.cluster_utils import Cluster
 
 from tactile_core.errors import TactileError
-from tactile_core.reconstruction.search import QUIET_RAY, search_unet, seeded, with_best_trial
+from tactile_core.reconstruction import search as search_module
+from tactile_core.reconstruction.batches import draw_touch_sets
+from tactile_core.reconstruction.search import (
+    QUIET_RAY,
+    resources_per_trial,
+    search_unet,
+    seeded,
+    with_best_trial,
+)
 from tactile_core.reconstruction.training import (
     begin_training,
     evaluate,
-    fixed_touch_sets,
     train_epoch,
 )
 from tactile_core.reconstruction.trial import trial_key
@@ -84,7 +91,7 @@ def test_hyperband_gives_its_epochs_to_the_promising_trials(table):
 
 def test_a_trial_that_was_paused_ends_as_one_that_was_not(table, small_shapes):
     masks = small_shapes["eval"].masks
-    touch_sets = fixed_touch_sets(small_shapes["eval"], SETTINGS.seed)
+    touch_sets = draw_touch_sets(small_shapes["eval"], np.random.default_rng(SETTINGS.seed))
     for row in table.itertuples():
         training = begin_training(row.depth, row.channels, row.learning_rate, SETTINGS.seed)
         for _ in range(row.epochs):
@@ -133,6 +140,44 @@ def test_a_trial_that_fails_is_told_and_left_out(search, tmp_path):
     table = search(tmp_path / "work", some, said.append)
     assert sum("failed and is left out" in message for message in said) == 1
     assert table["depth"].tolist() == [1]
+
+
+def test_a_trial_that_fails_after_a_good_report_cannot_win(search, tmp_path, monkeypatch):
+    def explodes(config, train, evaluation, settings, work):
+        from ray import tune
+
+        deep = config["depth"] == 2
+        tune.report({"loss": 0.01 if deep else 0.5, "jaccard": 99.0 if deep else 50.0})
+        if deep:
+            raise RuntimeError("the loss is no longer finite")
+
+    monkeypatch.setattr(search_module, "run_trial", explodes)
+    some = SETTINGS.model_copy(update={"trials": 2, "reduction_factor": 4, "seed": 1})
+    table = search(tmp_path / "work", some)
+    assert len(table) == 1
+    assert set(table["depth"]) == {1}
+    with pytest.raises(TactileError, match="every trial of the U-Net search failed"):
+        search(tmp_path / "work", some.model_copy(update={"depths": [2], "trials": 1}))
+
+
+def test_a_range_that_is_none_is_refused(search, tmp_path):
+    with pytest.raises(TactileError, match="is no range"):
+        search(tmp_path, SETTINGS.model_copy(update={"learning_rate": [1e-2, 1e-3]}))
+
+
+def test_a_trial_gets_no_more_than_one_node_has(monkeypatch):
+    def nodes(*resources):
+        monkeypatch.setattr(
+            ray, "nodes", lambda: [{"Alive": True, "Resources": some} for some in resources]
+        )
+
+    nodes({"CPU": 8.0}, {"CPU": 8.0})
+    assert resources_per_trial(1) == {"cpu": 8}
+    assert resources_per_trial(4) == {"cpu": 4}
+    assert resources_per_trial(40) == {"cpu": 1}
+    nodes({"CPU": 16.0, "GPU": 3.0})
+    assert resources_per_trial(2) == {"cpu": 8, "gpu": 1}
+    assert resources_per_trial(6) == {"cpu": 2, "gpu": 0.5}
 
 
 def test_without_a_cluster_a_local_ray_starts_and_is_shut_down_whatever_happens(

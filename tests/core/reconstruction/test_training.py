@@ -8,13 +8,11 @@ from hypothesis import strategies as st
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tactile_core.errors import TactileError
-from tactile_core.reconstruction.batches import ORIENTATIONS
+from tactile_core.reconstruction.batches import ORIENTATIONS, draw_touch_sets
 from tactile_core.reconstruction.known_shapes import KnownShapes, unpack
 from tactile_core.reconstruction.training import (
     begin_training,
     evaluate,
-    fixed_touch_sets,
-    images_of_sets,
     stopped_early,
     train_epoch,
     train_unet,
@@ -58,7 +56,7 @@ def test_training_lowers_the_loss_on_shapes_never_seen(unet):
 
 def test_the_weights_kept_are_those_of_the_lowest_eval_loss(unet, shapes):
     best = unet.curve.loc[unet.curve["eval_loss"].idxmin()]
-    touch_sets = fixed_touch_sets(shapes["eval"], unet.settings["seed"])
+    touch_sets = draw_touch_sets(shapes["eval"], np.random.default_rng(unet.settings["seed"]))
     masks = shapes["eval"].masks
     loss, jaccard = evaluate(unet.net(), touch_sets, masks, torch.device("cpu"))
     assert unet.scores == best[["epoch", "eval_loss", "eval_jaccard"]].to_dict()
@@ -189,7 +187,7 @@ def test_known_shapes_tell_a_net_more_than_touches_do(knowing_unet, shapes):
     """Its own train shapes it knows by heart; forgotten, they are as strange to it as others."""
     train = shapes["train"]
     forgotten = train.select(np.flatnonzero(train.categories == "mug"))
-    touch_sets = fixed_touch_sets(forgotten, seed=0)
+    touch_sets = draw_touch_sets(forgotten, np.random.default_rng(0))
 
     def jaccard(unet):
         return evaluate(unet.net(), touch_sets, forgotten.masks, torch.device("cpu"))[1].mean()
@@ -197,14 +195,15 @@ def test_known_shapes_tell_a_net_more_than_touches_do(knowing_unet, shapes):
     assert jaccard(knowing_unet) > 5 + jaccard(knowing_unet.forgetting(forgotten.masks))
 
 
+def test_a_last_batch_of_one_joins_the_one_before(small_shapes):
+    """At depth 4 one pixel of a 48-pixel image's window is left: no batch of one goes there."""
+    training = begin_training(4, 2, 1e-3, seed=0)
+    nine = small_shapes["train"].select(np.arange(9))
+    assert np.isfinite(train_epoch(training, nine, batch_size=4))
+
+
 def test_an_epoch_tells_what_share_of_it_is_done(small_shapes):
     training, shares = begin_training(1, 2, 1e-3, seed=0), []
     train_epoch(training, small_shapes["train"], 6, before_batch=shares.append)
     train_epoch(training, small_shapes["train"], 6, samples=12, before_batch=shares.append)
     assert shares == [0, 0.25, 0.5, 0.75, 0, 0.5]
-
-
-def test_touch_sets_of_any_size_become_images():
-    sets = [np.array([[1, 2], [3, 0]]), np.zeros((0, 2), int), np.array([[2, 2]])]
-    images = images_of_sets(sets, 4)
-    assert np.argwhere(images).tolist() == [[0, 1, 2], [0, 3, 0], [2, 2, 2]]
