@@ -9,7 +9,6 @@ import os
 import dagster as dg
 
 from tactile_assets.config import PROFILE
-from tactile_core.errors import TactileError
 
 EVERY_MONDAY_AT_THREE = "0 3 * * 1"
 TEN_MINUTES = 600
@@ -25,7 +24,7 @@ weekly = dg.ScheduleDefinition(
     job=whole_chain,
     cron_schedule=os.environ.get("TACTILE_CRON") or EVERY_MONDAY_AT_THREE,
     default_status=dg.DefaultScheduleStatus.STOPPED,
-    description="Reruns the whole chain; TACTILE_CRON says when, in five cron fields.",
+    description="Reruns the whole chain; TACTILE_CRON says when (UTC), in five cron fields.",
 )
 
 
@@ -36,15 +35,20 @@ weekly = dg.ScheduleDefinition(
     description="Reruns the whole chain when the archives or folders of the meshes have changed.",
 )
 def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.SkipReason:
-    """The first look only remembers what there is. Nothing is downloaded."""
-    from tactile_core.dataset.places import source_fingerprint
+    """The first look only remembers what there is. Nothing is downloaded.
+
+    A server that cannot be asked fails the tick, which the UI shows. A source that has gone, such
+    as a disk that is not mounted, is waited for: a run could not read it.
+    """
+    from tactile_core.dataset.places import MissingClassError, find_places, source_fingerprint
 
     if PROFILE.meshes.location is None:
         return dg.SkipReason("meshes are generated: TACTILE_SHAPENET names no source to watch")
     try:
-        fingerprint = source_fingerprint(PROFILE.meshes)
-    except TactileError as error:
+        find_places(PROFILE.meshes)
+    except MissingClassError as error:
         return dg.SkipReason(str(error))
+    fingerprint = source_fingerprint(PROFILE.meshes)
     if fingerprint == context.cursor:
         return dg.SkipReason("the source has not changed")
     requests = [dg.RunRequest()] if context.cursor else []
@@ -58,3 +62,12 @@ refresh_evaluations = dg.AutomationConditionSensorDefinition(
     default_status=dg.DefaultSensorStatus.RUNNING,
     description="Evaluates anew when the policies or the U-Net have changed.",
 )
+
+
+def after(*assets: str) -> dg.AutomationCondition:
+    """Once more when one of these assets is new, and not for anything else upstream.
+
+    New splits, for one, may hold in their test split models that the old policies were trained on.
+    """
+    newer = dg.AutomationCondition.any_deps_updated().allow(dg.AssetSelection.assets(*assets))
+    return dg.AutomationCondition.eager().replace("any_deps_updated", newer)

@@ -5,13 +5,13 @@
 
 import copy
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_origin
 
 import dagster as dg
 from pydantic import ValidationError, create_model
+from pydantic.fields import FieldInfo
 
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash
 from tactile_core.settings import Settings, active_profile
 
 PROFILE = active_profile()
@@ -22,8 +22,8 @@ AnyConfig = TypeVar("AnyConfig", bound=dg.Config)
 class StageConfig(dg.Config):
     """Run config that says in one line what is wrong with it.
 
-    Mixed with the settings of a stage it has their fields, bounds and descriptions, and may be
-    passed wherever the core takes those settings.
+    Mixed with the settings of a stage it has their fields, and may be passed wherever the core
+    takes those settings.
     """
 
     def __init__(self, **values: Any) -> None:
@@ -38,13 +38,18 @@ class StageConfig(dg.Config):
 
 
 def defaults(settings: Settings) -> Callable[[type[AnyConfig]], type[AnyConfig]]:
-    """Class decorator: the fields of a config class take their defaults from `settings`."""
+    """Class decorator: the fields of a config class take their defaults from `settings`.
+
+    Their bounds join the descriptions: Dagster's own schema, which the UI shows, has no place for
+    them.
+    """
 
     def with_defaults(config: type[AnyConfig]) -> type[AnyConfig]:
         fields: dict[str, Any] = {}
         for name, field in type(settings).model_fields.items():
             own = copy.copy(field)
             own.default = getattr(settings, name)
+            own.description = " ".join(filter(None, [field.description, bounds(field)]))
             fields[name] = (field.annotation, own)
         return create_model(
             config.__name__,
@@ -57,9 +62,33 @@ def defaults(settings: Settings) -> Callable[[type[AnyConfig]], type[AnyConfig]]
     return with_defaults
 
 
-def code_version(revision: int, *settings: Settings) -> str:
-    """Version of a stage: raised by hand when its code changes, and by itself with its settings.
+BOUNDS = {
+    "ge": "at least {}",
+    "gt": "more than {}",
+    "le": "at most {}",
+    "lt": "less than {}",
+    "multiple_of": "a multiple of {}",
+    "min_length": "{} or more entries",
+    "max_length": "{} or fewer entries",
+}
 
-    A changed code version marks the asset stale, and nothing upstream of it.
-    """
-    return f"{revision}-{content_hash(*(some.model_dump() for some in settings))[:8]}"
+
+def bounds(field: FieldInfo) -> str:
+    """The bounds of a setting, and of what it lists, in brackets: (at least 48, at most 512)."""
+    said = worded(field)
+    # The bounds of an annotated type, in a list or beside None, are a field's of their own.
+    each = "each " if get_origin(field.annotation) is list else ""
+    for kind in get_args(field.annotation):
+        for part in get_args(kind):
+            if isinstance(part, FieldInfo):
+                said += [f"{each}{bound}" for bound in worded(part)]
+    return f"({', '.join(said)})" if said else ""
+
+
+def worded(field: FieldInfo) -> list[str]:
+    return [
+        text.format(getattr(given, name))
+        for given in field.metadata
+        for name, text in BOUNDS.items()
+        if getattr(given, name, None) is not None
+    ]

@@ -4,7 +4,8 @@ import dagster as dg
 import numpy as np
 import pandas as pd
 
-from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.code_versions import code_version
+from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.resources import OWNERS, Store, counts, markdown, stored
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, TouchSettings
 
@@ -33,7 +34,7 @@ class TouchConfig(StageConfig, TouchSettings):
     group_name="dataset",
     kinds={"shapenet", "trimesh", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1, PROFILE.meshes),
+    code_version=code_version("dataset.meshes", PROFILE.meshes),
     io_manager_key="tables",
 )
 def shapenet_meshes(
@@ -69,7 +70,7 @@ def shapenet_meshes(
     group_name="dataset",
     kinds={"pyrender", "numba", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1, PROFILE.masks),
+    code_version=code_version("dataset.silhouettes", PROFILE.masks),
     io_manager_key="tables",
 )
 def masks(
@@ -111,7 +112,7 @@ def masks(
     group_name="dataset",
     kinds={"numpy", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1, PROFILE.splits),
+    code_version=code_version("dataset.splits", PROFILE.splits),
     io_manager_key="tables",
 )
 def rotated_splits(
@@ -131,7 +132,7 @@ def rotated_splits(
     from tactile_core.figures.sheets import mask_sheet
     from tactile_core.figures.style import png
 
-    rendering = PROFILE.masks.model_copy(update={"resolution": int(masks["resolution"].iloc[0])})
+    rendering = MaskSettings(resolution=int(masks["resolution"].iloc[0]), renderer=config.renderer)
     table = rotate_splits(
         masks,
         shapenet_meshes,
@@ -156,7 +157,7 @@ def rotated_splits(
     group_name="dataset",
     kinds={"scipy", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1),
+    code_version=code_version("dataset.outlines"),
     io_manager_key="tables",
 )
 def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
@@ -182,7 +183,7 @@ def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
     group_name="dataset",
     kinds={"numpy", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1, PROFILE.touches),
+    code_version=code_version("dataset.touches", PROFILE.touches),
     io_manager_key="tables",
 )
 def tactile_samples(

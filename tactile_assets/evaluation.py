@@ -7,7 +7,9 @@ import dagster as dg
 import pandas as pd
 from upath import UPath
 
-from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.automation import after
+from tactile_assets.code_versions import code_version
+from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.resources import OWNERS, Store, markdown, stored
 from tactile_core.settings import EvaluationSettings
@@ -32,11 +34,13 @@ EVALUATION: dict[str, Any] = {
     "kinds": {"pytorch", "matplotlib", "parquet"},
     "owners": OWNERS,
     "io_manager_key": "tables",
-    "automation_condition": dg.AutomationCondition.eager(),
 }
+TRAINED = ("unet", "policies")  # an evaluation is made anew where one of these is new
+PER_STEP = code_version("evaluation.protocols", PROFILE.per_step)
+PER_GRASP = code_version("evaluation.protocols", PROFILE.per_grasp)
 
 
-@dg.asset(code_version=code_version(2, PROFILE.per_step), **EVALUATION)
+@dg.asset(code_version=PER_STEP, automation_condition=after(*TRAINED), **EVALUATION)
 def per_step_evaluation(
     context: dg.AssetExecutionContext,
     config: PerStepConfig,
@@ -59,7 +63,7 @@ def per_step_evaluation(
     return per_step(test, unet, policies, config, store, context.log.info)
 
 
-@dg.asset(code_version=code_version(2, PROFILE.per_grasp), **EVALUATION)
+@dg.asset(code_version=PER_GRASP, automation_condition=after(*TRAINED), **EVALUATION)
 def per_grasp_evaluation(
     context: dg.AssetExecutionContext,
     config: PerGraspConfig,

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import dagster as dg
 import pandas as pd
 
-from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.code_versions import code_version
+from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.resources import OWNERS, Store, markdown
 from tactile_core.errors import TactileError
@@ -34,10 +35,23 @@ class Training(NamedTuple):
 
 
 @dg.op(out=dg.DynamicOut(Training, description="One for each approach and seed."))
-def plan_trainings(config: PolicyConfig) -> Iterator[dg.DynamicOutput[Training]]:
-    """Which policies to train; refuses approaches that are not known before any is trained."""
+def plan_trainings(
+    config: PolicyConfig,
+    rotated_splits: pd.DataFrame,
+    outlines: pd.DataFrame,
+    unet: TrainedUNet,
+) -> Iterator[dg.DynamicOutput[Training]]:
+    """Which policies to train. What would stop every training stops here, once: an approach that is
+    not known, an input that is missing, a U-Net of another resolution."""
+    from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.approaches import APPROACHES, find_approach
 
+    shapes = load_shapes(rotated_splits, outlines, "train")
+    if shapes.resolution != unet.resolution:
+        raise TactileError(
+            f"rotated_splits have resolution {shapes.resolution}, and the U-Net was trained at "
+            f"{unet.resolution}: materialise unet again"
+        )
     settings = PolicySettings(**config.model_dump())
     approaches = dict.fromkeys(settings.approaches or APPROACHES)
     recipes = [find_approach(approach) for approach in approaches]
@@ -80,7 +94,9 @@ def train_policy(
 
 
 @dg.op(out=dg.Out(io_manager_key="policy_index"))
-def gather_policies(store: Store, trained: list[Training]) -> dg.Output[dict[str, str]]:
+def gather_policies(
+    context: dg.OpExecutionContext, store: Store, trained: list[Training]
+) -> dg.Output[dict[str, str]]:
     """The policies that were trained, by the names of their directories."""
     from tactile_core.figures.curves import training_curves
     from tactile_core.figures.style import png
@@ -100,6 +116,7 @@ def gather_policies(store: Store, trained: list[Training]) -> dg.Output[dict[str
         "training_curves": store.picture("training_curves.png", png(training_curves(curves))),
     }
     version = dg.DataVersion(content_hash(sorted(versions.items())))
+    store.forget_steps(context.run_id)
     return dg.Output(versions, metadata=metadata, data_version=version)
 
 
@@ -113,7 +130,7 @@ def policy_config(config: PolicyConfig) -> dict[str, Any]:
     group_name="exploration",
     kinds={"gymnasium", "stablebaselines3", "pytorch"},
     owners=OWNERS,
-    code_version=code_version(2, PROFILE.policies),
+    code_version=code_version("exploration.training", PROFILE.policies),
     config=policy_config,
 )
 def policies(
@@ -128,7 +145,7 @@ def policies(
     Where the U-Net knows shapes, policies are trained on every second model, which it forgets.
     Each training is a step of its own, retried and resumed on its own.
     """
-    trained = plan_trainings().map(
+    trained = plan_trainings(rotated_splits, outlines, unet).map(
         lambda training: train_policy(
             training, rotated_splits=rotated_splits, outlines=outlines, unet=unet
         )

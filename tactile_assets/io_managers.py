@@ -76,21 +76,19 @@ class Steps(dg.UPathIOManager):
         return pickle.loads(path.read_bytes())
 
 
-@dg.io_manager(required_resource_keys={"store"})
-def tables(context: dg.InitResourceContext) -> Tables:
-    return Tables(base_path=context.resources.store.path())
+def in_store(kind: type[dg.UPathIOManager], *parts: str) -> dg.IOManagerDefinition:
+    """An IO manager of this kind at a place among the artifacts."""
+
+    @dg.io_manager(required_resource_keys={"store"})
+    def manager(context: dg.InitResourceContext) -> dg.UPathIOManager:
+        return kind(base_path=context.resources.store.path(*parts))
+
+    return manager
 
 
-@dg.io_manager(required_resource_keys={"store"})
-def unets(context: dg.InitResourceContext) -> UNets:
-    return UNets(base_path=context.resources.store.path())
-
-
-@dg.io_manager(required_resource_keys={"store"})
-def policy_index(context: dg.InitResourceContext) -> PolicyIndex:
-    return PolicyIndex(base_path=context.resources.store.path())
-
-
-@dg.io_manager(required_resource_keys={"store"})
-def steps(context: dg.InitResourceContext) -> Steps:
-    return Steps(base_path=context.resources.store.path("steps"))
+IO_MANAGERS = {
+    "tables": in_store(Tables),
+    "unets": in_store(UNets),
+    "policy_index": in_store(PolicyIndex),
+    "io_manager": in_store(Steps, "steps"),
+}

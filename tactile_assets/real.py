@@ -6,10 +6,16 @@ import dagster as dg
 import pandas as pd
 from upath import UPath
 
-from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.automation import after
+from tactile_assets.checks import inside_the_circle
+from tactile_assets.code_versions import code_version
+from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.dataset import decoded
 from tactile_assets.evaluation import (
     EVALUATION,
+    PER_GRASP,
+    PER_STEP,
+    TRAINED,
     PerGraspConfig,
     PerStepConfig,
     per_grasp,
@@ -25,6 +31,7 @@ if TYPE_CHECKING:
 
 MESHES = PROFILE.meshes.model_copy(update={"location": PROFILE.real})
 PREFIX = "real_"  # of the figures: those of the test split stay
+AFTER = after(*TRAINED, "real_shapes")
 
 
 @defaults(MESHES)
@@ -36,7 +43,7 @@ class RealConfig(StageConfig, MeshSettings):
     group_name="evaluation",
     kinds={"shapenet", "trimesh", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1, MESHES, PROFILE.masks, PROFILE.splits),
+    code_version=code_version("dataset.real", MESHES, PROFILE.masks, PROFILE.splits),
     io_manager_key="tables",
 )
 def real_shapes(
@@ -71,7 +78,7 @@ def real_shapes(
     )
 
 
-@dg.asset(code_version=code_version(2, PROFILE.per_step), **EVALUATION)
+@dg.asset(code_version=PER_STEP, automation_condition=AFTER, **EVALUATION)
 def real_per_step_evaluation(
     context: dg.AssetExecutionContext,
     config: PerStepConfig,
@@ -89,7 +96,7 @@ def real_per_step_evaluation(
     return per_step(test, unet, policies, config, store, context.log.info, PREFIX)
 
 
-@dg.asset(code_version=code_version(2, PROFILE.per_grasp), **EVALUATION)
+@dg.asset(code_version=PER_GRASP, automation_condition=AFTER, **EVALUATION)
 def real_per_grasp_evaluation(
     context: dg.AssetExecutionContext,
     config: PerGraspConfig,
@@ -107,7 +114,14 @@ def real_per_grasp_evaluation(
     return per_grasp(test, unet, policies, config, store, context.log.info, PREFIX)
 
 
+@dg.asset_check(asset=real_shapes, blocking=True)
+def real_samples_lie_inside_the_circle(real_shapes: pd.DataFrame) -> dg.AssetCheckResult:
+    """No real mask is empty, and none reaches the circle that rays start from."""
+    return inside_the_circle(real_shapes.assign(name=real_shapes["sample_id"]))
+
+
 ASSETS = [real_shapes, real_per_step_evaluation, real_per_grasp_evaluation]
+CHECKS = [real_samples_lie_inside_the_circle]
 
 
 def shapes_for(unet: TrainedUNet, real_shapes: pd.DataFrame) -> "Shapes":

@@ -3,7 +3,9 @@
 import dagster as dg
 import pandas as pd
 
-from tactile_assets.config import PROFILE, StageConfig, code_version, defaults
+from tactile_assets.automation import after
+from tactile_assets.code_versions import code_version
+from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.resources import OWNERS, Store, markdown, stored
 from tactile_core.settings import SearchSettings, UNetSettings
@@ -23,9 +25,9 @@ class UNetConfig(StageConfig, UNetSettings):
     group_name="reconstruction",
     kinds={"ray", "pytorch", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1, PROFILE.search),
+    code_version=code_version("reconstruction.search", PROFILE.search),
     io_manager_key="tables",
-    deps=["tactile_samples"],
+    deps=["tactile_samples"],  # for its check: it draws touches of its own from the same outlines
 )
 def unet_search(
     context: dg.AssetExecutionContext,
@@ -65,7 +67,7 @@ def unet_search(
     group_name="reconstruction",
     kinds={"pytorch", "safetensors"},
     owners=OWNERS,
-    code_version=code_version(1, PROFILE.unet),
+    code_version=code_version("reconstruction.training", "exploration.practice", PROFILE.unet),
     io_manager_key="unets",
 )
 def unet(
@@ -122,9 +124,9 @@ def unet(
     group_name="reconstruction",
     kinds={"pytorch", "parquet"},
     owners=OWNERS,
-    code_version=code_version(1),
+    code_version=code_version("reconstruction.scores"),
     io_manager_key="tables",
-    automation_condition=dg.AutomationCondition.eager(),
+    automation_condition=after("unet"),
 )
 def reconstruction_evaluation(
     context: dg.AssetExecutionContext,

@@ -43,6 +43,12 @@ class Store(dg.ConfigurableResource):
         """A local folder for downloads, checkpoints and TensorBoard curves."""
         return Path(self.home, "cache", *parts)
 
+    def forget_steps(self, run_id: str) -> None:
+        """Remove what the steps inside `policies` handed each other in a run."""
+        steps = self.path("steps", run_id)
+        if steps.exists():
+            steps.fs.rm(steps.path, recursive=True)
+
     def previous(self, asset: str) -> pd.DataFrame | None:
         """The table that `asset` stored in an earlier run, if there is one and it can be read."""
         try:

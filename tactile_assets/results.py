@@ -58,7 +58,8 @@ def stored_evaluations(store: Store) -> dict[str, pd.DataFrame]:
 def results_of(table: pd.DataFrame) -> PolicyResults:
     """What the rollouts of an evaluation come to, with the profile's bootstrap."""
     index = "step" if "step" in table else "grasp"
-    return policy_results(table, index, PROFILE.per_step.resamples, PROFILE.per_step.seed)
+    settings = {"step": PROFILE.per_step, "grasp": PROFILE.per_grasp}[index]
+    return policy_results(table, index, settings.resamples, settings.seed)
 
 
 def heading(text: str) -> None:

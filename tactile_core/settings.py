@@ -8,7 +8,7 @@ in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop, study or pap
 
 import os
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -22,6 +22,9 @@ RESOLUTION = Field(
     description="Mask height and width R.",
 )
 SEED = Field(0, ge=0, description="Seed of every random choice in this stage.")
+
+Renderer = Literal["auto", "pyrender", "rasteriser"]
+RENDERER: Any = Field("auto", description="auto: pyrender where OpenGL works, else the rasteriser.")
 
 NotNegative = Annotated[int, Field(ge=0)]
 Positive = Annotated[int, Field(ge=1)]
@@ -66,9 +69,7 @@ class MaskSettings(Settings):
     """How a mesh becomes a silhouette (report, section IV)."""
 
     resolution: int = RESOLUTION
-    renderer: Literal["auto", "pyrender", "rasteriser"] = Field(
-        "auto", description="auto: pyrender where OpenGL works, else the rasteriser."
-    )
+    renderer: Renderer = RENDERER
 
 
 class SplitSettings(Settings):
@@ -77,6 +78,7 @@ class SplitSettings(Settings):
     eval_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for eval.")
     test_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for test.")
     rotations: int = Field(5, ge=1, description="Random in-plane rotations of each mask.")
+    renderer: Renderer = RENDERER
     seed: int = SEED
 
 

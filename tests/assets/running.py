@@ -17,6 +17,7 @@ from tactile_assets.resources import REPOSITORY, Store
 TINY = {
     "shapenet_meshes": {"procedural_models": {"mug": 6, "bottle": 6}},
     "masks": {"renderer": "rasteriser"},
+    "rotated_splits": {"renderer": "rasteriser"},
     "unet_search": {"trials": 1, "epochs": 1},
     "unet": {"epochs": 2},
     "policies": {"approaches": ["total", "gain"], "steps_per_stage": 256, "gain_iterations": 3},

@@ -5,6 +5,7 @@ import pytest
 
 from tactile_assets import automation
 from tactile_assets.definitions import defs
+from tactile_core.errors import TactileError
 from tests.assets.running import Platform, shell
 
 EVALUATIONS = {"reconstruction_evaluation", "per_step_evaluation", "per_grasp_evaluation"}
@@ -56,6 +57,23 @@ def test_the_sensor_asks_for_a_run_only_when_the_source_changes(platform, source
     assert not look(platform, changed.cursor).run_requests
 
 
+def test_a_source_that_has_gone_is_waited_for(platform, source):
+    before = look(platform)
+    source.rename(source.with_name("elsewhere"))
+    gone = look(platform, before.cursor)
+    assert not gone.run_requests and str(source) in gone.skip_message
+    source.with_name("elsewhere").rename(source)
+    assert "has not changed" in look(platform, before.cursor).skip_message
+
+
+def test_a_server_that_cannot_be_asked_fails_the_tick(platform, monkeypatch):
+    meshes = automation.PROFILE.meshes.model_copy(update={"location": "http://127.0.0.1:9/none"})
+    profile = automation.PROFILE.model_copy(update={"meshes": meshes})
+    monkeypatch.setattr(automation, "PROFILE", profile)
+    with pytest.raises(TactileError, match="cannot be asked whether it has changed"):
+        look(platform)
+
+
 def test_the_sensor_says_why_it_has_nothing_to_watch(platform):
     assert "TACTILE_SHAPENET names no source" in look(platform).skip_message
 
@@ -93,3 +111,12 @@ def test_evaluations_follow_new_policies_and_a_new_unet(platform):
     report(platform, "unet")
     after_unet, _ = requested(platform, cursor)
     assert after_unet == EVALUATIONS
+
+
+def test_new_splits_alone_make_no_evaluation(platform):
+    """Their test split may hold models that the old policies were trained on."""
+    report(platform, *(key.path[-1] for key in defs.resolve_asset_graph().get_all_asset_keys()))
+    _, cursor = requested(platform)
+    report(platform, "rotated_splits", "outlines", "tactile_samples")
+    asked, _ = requested(platform, cursor)
+    assert asked == set()

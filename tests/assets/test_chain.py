@@ -6,6 +6,7 @@ import dagster as dg
 import pytest
 
 from tactile_assets.io_managers import PolicyIndex
+from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table
 from tests.assets.running import ALL, run_whole_chain, shell
@@ -51,6 +52,50 @@ def test_each_data_version_is_a_hash_of_what_is_stored(chain):
     index = json.loads(chain.store.path("policies", "index.json").read_text())
     assert versions["policies"] == content_hash(sorted(index.items()))
     assert all(len(version) == 16 for version in versions.values())
+
+
+def test_nets_learn_on_train_stop_on_eval_and_are_tested_on_test(copy_of_chain, monkeypatch):
+    """What each function of the core is given, told by the samples' own splits."""
+    from tactile_core.evaluation import protocols
+    from tactile_core.exploration import training as policy_training
+    from tactile_core.reconstruction import search, training
+
+    splits = read_table(copy_of_chain.store.path("rotated_splits.parquet"))
+    split_of = splits.set_index("sample_id")["split"]
+    given = {}
+
+    def watched(module, function):
+        original = getattr(module, function)
+
+        def call(*arguments, **named):
+            shapes = [some for some in arguments if isinstance(some, Shapes)]
+            given.setdefault(function, [set(split_of[some.sample_ids]) for some in shapes])
+            return original(*arguments, **named)
+
+        monkeypatch.setattr(module, function, call)
+
+    watched(search, "search_unet")
+    watched(training, "train_unet")
+    watched(policy_training, "train_policy")
+    watched(protocols, "evaluate_per_step")
+    watched(protocols, "evaluate_per_grasp")
+    copy_of_chain.materialise(
+        "unet_search", "unet", "policies", "per_step_evaluation", "per_grasp_evaluation"
+    )
+    assert given == {
+        "search_unet": [{"train"}, {"eval"}],
+        "train_unet": [{"train"}, {"eval"}],
+        "train_policy": [{"train"}],
+        "evaluate_per_step": [{"test"}],
+        "evaluate_per_grasp": [{"test"}],
+    }
+    for evaluation in ("per_step_evaluation", "per_grasp_evaluation"):
+        table = read_table(copy_of_chain.store.path(f"{evaluation}.parquet"))
+        assert set(table["sample_id"]) == set(split_of[split_of == "test"].index)
+
+
+def test_what_steps_hand_each_other_is_gone_after_the_run(chain):
+    assert not list((chain.home / "artifacts" / "steps").rglob("*train_policy*"))
 
 
 def test_metadata_tells_each_assets_story(chain):

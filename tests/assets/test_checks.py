@@ -117,6 +117,25 @@ def test_policies_no_better_than_random_are_found_and_only_warn_in_smoke(chain):
     assert result.description == "1 of 3 policies do not beat random (50.0)"
 
 
+def test_an_evaluation_without_random_is_not_judged_by_it(chain):
+    table = read_table(chain.store.path("per_step_evaluation.parquet"))
+    result = checks.trained_policies_beat_random(table[table["policy"] == "even"])
+    assert result.passed and result.description == "random was not evaluated"
+
+
+def test_only_what_is_never_penalised_may_lose_to_random(chain, monkeypatch):
+    monkeypatch.setattr(checks, "UNLESS_SMOKE", dg.AssetCheckSeverity.ERROR)
+    table = read_table(chain.store.path("per_step_evaluation.parquet"))
+    table = table.assign(jaccard=np.where(table["policy"] == "total", 10.0, 50.0))
+    table = table[table["policy"].isin(["random", "total"])]
+    lost = checks.trained_policies_beat_random(table)
+    assert (lost.passed, lost.severity) == (False, dg.AssetCheckSeverity.ERROR)
+    lost = checks.trained_policies_beat_random(
+        table.replace({"policy": {"total": "pre_diff_miss"}})
+    )
+    assert (lost.passed, lost.severity) == (False, dg.AssetCheckSeverity.WARN)
+
+
 def test_checks_can_be_run_alone_on_what_is_stored(copy_of_chain):
     table = read_table(copy_of_chain.store.path("rotated_splits.parquet"))
     leaked = table.assign(model_id="one")

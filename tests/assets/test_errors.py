@@ -1,6 +1,7 @@
 """What a user reads when something is wrong: one clear line that says what to do."""
 
 import json
+import shutil
 import zipfile
 
 import pytest
@@ -17,14 +18,16 @@ def failure(home, select: str, config: dict | None = None, **variables: str) -> 
         command += f" --config-json '{json.dumps({'ops': config})}'"
     done = shell(command, home, **variables)
     assert done.returncode == 1
-    lines = [line for line in done.stderr.splitlines() if "FAILED" in line]
+    lines = [line for line in done.stderr.splitlines() if "FAILED" in line or "tries again" in line]
     assert len(lines) == 1, done.stderr
     assert "Traceback" not in done.stderr and "Stack Trace" not in done.stderr
     return lines[0].partition("FAILED: ")[2]
 
 
-def test_an_unknown_approach_names_the_known_ones(tmp_path):
-    said = failure(tmp_path, "policies", {"policies": {"config": {"approaches": ["tottal"]}}})
+def test_an_unknown_approach_names_the_known_ones(copy_of_chain):
+    said = failure(
+        copy_of_chain.home, "policies", {"policies": {"config": {"approaches": ["tottal"]}}}
+    )
     assert said.startswith("approach 'tottal' is unknown: choose from diff, total, total_miss")
 
 
@@ -36,6 +39,14 @@ def test_a_wrong_resolution_names_the_field_and_the_bound(copy_of_chain):
 def test_a_missing_upstream_table_says_what_to_materialise(tmp_path):
     said = failure(tmp_path, "outlines")
     assert "rotated_splits.parquet is missing: materialise the asset that writes it" in said
+
+
+def test_trainings_without_a_unet_stop_once_and_are_not_tried_again(tmp_path, copy_of_chain):
+    assert "is missing: materialise" in failure(tmp_path / "empty", "policies")
+    shutil.rmtree(copy_of_chain.home / "artifacts" / "unet")
+    assert "holds no trained U-Net: materialise unet first" in failure(
+        copy_of_chain.home, "policies"
+    )
 
 
 def zipped(path, **members: str) -> None:

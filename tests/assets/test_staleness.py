@@ -6,7 +6,8 @@ import dagster as dg
 from dagster._core.definitions.data_version import CachingStaleStatusResolver, StaleStatus
 from dagster._core.loader import LoadingContextForTest
 
-from tactile_assets.config import PROFILE, code_version
+from tactile_assets.code_versions import code_version
+from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tests.assets.running import ALL, Platform, run_for
 
@@ -24,7 +25,9 @@ def with_another_setting_of_unet() -> dg.Definitions:
     changed = PROFILE.unet.model_copy(update={"patience": PROFILE.unet.patience + 1})
 
     def update(spec: dg.AssetSpec) -> dg.AssetSpec:
-        return spec.replace_attributes(code_version=code_version(1, changed))
+        return spec.replace_attributes(
+            code_version=code_version("reconstruction.training", changed)
+        )
 
     return defs.map_resolved_asset_specs(func=update, selection="unet")
 
