@@ -32,7 +32,7 @@ ui: install ## Dagster's web interface on http://localhost:3000
 	@echo "The whole graph: $(GRAPH)"
 	@$(ACTIVATE) && dagster dev -w workspace.yaml
 
-bench: install ## Measure the ratios that the README states (six minutes on a quiet machine)
+bench: install ## Measure the ratios that the README states into build/bench (four quiet minutes)
 	@$(ACTIVATE) && python -m benchmarks.bench
 
 lint: install ## Check formatting, style and types

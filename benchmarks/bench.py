@@ -1,12 +1,12 @@
-"""The table of ratios: `python -m benchmarks.bench`, or `make bench`; about six minutes.
+"""The table of ratios: `python -m benchmarks.bench`, or `make bench`; about four minutes.
 
 Ours and the plain way are measured in turn, in one run on one machine, with one thread of torch
-for both, as in the trainings, which run side by side, one a core. `docs/results/bench` receives
+for both, as in the trainings, which run side by side, one a core. `build/bench` receives
 
 - bench.csv: what, ours, plain, unit, ratio, goal
 - cost.csv: cost against size, as drawn in cost.png
 - precision.csv: Jaccard indices in bfloat16 and float32, as drawn in precision.png
-- machine.json: the machine, versions, commit, date and command
+- machine.json: the machine, versions, commit, date and command, and whose U-Net was compared
 """
 
 import argparse
@@ -38,8 +38,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="show that all of it runs")
     parser.add_argument("--to", type=Path, metavar="FOLDER", help="where the results are written")
     options = parser.parse_args()
-    place = "build/bench" if options.quick else "docs/results/bench"
-    folder = options.to or REPOSITORY / place
+    folder = options.to or REPOSITORY / "build" / "bench"
     torch.set_num_threads(1)
     warnings.simplefilter("ignore")  # a quick run fills less than one of PPO's batches
     start = time.perf_counter()
@@ -50,12 +49,12 @@ def main() -> None:
         print(f"{measure.__name__.replace('_rows', '')} …", flush=True)
         rows += measure(pace)
     print("bfloat16 …", flush=True)
-    pairs = precision_pairs(pace, print)
+    pairs, compared = precision_pairs(pace, print)
     rows += precision_rows(pairs)
     print("cost against size …", flush=True)
     curves = [*environment_curves(pace), triangle_curve(pace), memory_curve(pace)]
 
-    machine = describe_machine(time.perf_counter() - start)
+    machine = describe_machine(time.perf_counter() - start) | {"unet": compared}
     write(folder, rows, curves, pairs, machine)
     print_results(rows, curves, pairs, machine)
     print(f"\nWritten to {folder}")

@@ -26,9 +26,12 @@ TOUCH_SETS, RAYS = 5, 10  # for each test shape
 MODELS, ROTATIONS, EPOCHS = 50, 3, 40  # each class, each model; about 15 seconds of training
 
 
-def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> pd.DataFrame:
-    """One row for each touch image: touches (how they were made), float32, bfloat16 (Jaccard)."""
-    unet, test = trained_and_test(pace, progress)
+def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> tuple[pd.DataFrame, str]:
+    """One row for each touch image: touches (how they were made), float32, bfloat16 (Jaccard).
+
+    And which U-Net it was.
+    """
+    unet, test, whose = trained_and_test(pace, progress)
     exact, rough = Reconstructor(unet, "float32"), Reconstructor(unet, "bfloat16")
     tables = []
     for name, images in {
@@ -38,7 +41,7 @@ def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> pd.DataFrame
         wanted = np.concatenate([test.masks] * (len(images) // len(test)))
         scores = [jaccard_index(r.predict(images), wanted) for r in (exact, rough)]
         tables.append(pd.DataFrame({"touches": name, "float32": scores[0], "bfloat16": scores[1]}))
-    return pd.concat(tables, ignore_index=True)
+    return pd.concat(tables, ignore_index=True), whose
 
 
 def precision_rows(pairs: pd.DataFrame) -> list[Row]:
@@ -90,14 +93,17 @@ def touches_of_rays(test: Shapes, reconstructor: Reconstructor) -> np.ndarray:
     return np.concatenate(images)
 
 
-def trained_and_test(pace: Pace, progress: Callable[[str], None]) -> tuple[TrainedUNet, Shapes]:
-    """A trained U-Net and test shapes: the platform's own where it holds them."""
+def trained_and_test(
+    pace: Pace, progress: Callable[[str], None]
+) -> tuple[TrainedUNet, Shapes, str]:
+    """A trained U-Net, test shapes and whose they are: the platform's own where it holds them."""
     if not pace.quick:
         try:
-            return from_platform()
+            unet, test = from_platform()
+            return unet, test, f"the platform's, {unet.version()}"
         except TactileError as error:
             progress(f"a U-Net is trained on generated shapes to compare precisions: {error}")
-    return short_training(pace)
+    return *short_training(pace), "trained for some seconds on generated shapes"
 
 
 def from_platform() -> tuple[TrainedUNet, Shapes]:

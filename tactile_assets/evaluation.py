@@ -11,6 +11,7 @@ from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.provenance import made_here
 from tactile_assets.resources import OWNERS, Store, markdown, stored
 from tactile_core.settings import EvaluationSettings
 
@@ -149,6 +150,7 @@ def curve(
         "jaccard": markdown(results.rows),
         "compared": markdown(results.comparison),
         "curves": store.picture(f"{prefix}{figure}", png(policy_curves(results.curve, index))),
+        "made": dg.MetadataValue.json(made_here()),
     }
 
 

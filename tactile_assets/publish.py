@@ -9,8 +9,6 @@ docs/results/laptop where that is not there; a test holds both to it.
 import argparse
 import json
 import os
-import platform
-import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +18,9 @@ import dagster as dg
 import pandas as pd
 
 from tactile_assets.config import PROFILE
+from tactile_assets.definitions import defs
 from tactile_assets.pages import PICTURES, page, readme_part
+from tactile_assets.provenance import how_made, made_here, whole_run
 from tactile_assets.resources import REPOSITORY, Store
 from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
@@ -40,8 +40,7 @@ def publish(name: str, note: str | None = None) -> None:
     reconstruction = read_table(store.path("reconstruction_evaluation.parquet"))
     evaluations = stored_evaluations(store)
     settings = load_unet(store.path("unet")).settings
-    folder = RESULTS / name
-    folder.mkdir(parents=True, exist_ok=True)
+    about = run_facts(evaluations)
     tables = {
         "hyperparameters": hyperparameter_rows(settings),
         "reconstruction": reconstruction_rows(reconstruction),
@@ -54,9 +53,10 @@ def publish(name: str, note: str | None = None) -> None:
             f"{title}_curve": results.curve,
             f"{title}_summary": results.summary,
         }
-    about = run_facts(evaluations)  # before anything is written: the commit must not look changed
     if note:
         about["note"] = note
+    folder = RESULTS / name
+    folder.mkdir(parents=True, exist_ok=True)
     for file in folder.glob("real_*.csv"):  # of an earlier run, that this one may not have
         file.unlink()
     for title, table in tables.items():
@@ -68,26 +68,32 @@ def publish(name: str, note: str | None = None) -> None:
 
 
 def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
-    """What, where and when: everything needed to make the same run again."""
-    variables = [f"{name}={os.environ[name]} " for name in SETTINGS if os.environ.get(name)]
+    """What, where and when: everything needed to make the same run again.
+
+    Raises `TactileError` where no single run made what is stored, or the variables have changed.
+    """
+    if not os.environ.get("DAGSTER_HOME"):
+        raise TactileError("DAGSTER_HOME is not set: activate the environment first")
+    chain = [spec.key.to_user_string() for spec in defs.resolve_all_asset_specs()]
+    with dg.DagsterInstance.get() as instance:
+        run = whole_run(instance, [asset for asset in chain if not asset.startswith("real_")])
+        made = how_made(instance, f"{list(evaluations)[-1]}_evaluation")
+    variables = made.pop("variables")
+    if variables != (now := made_here()["variables"]):
+        raise TactileError(f"the run was made with {variables}, and now {now} is set: set the same")
     per_step = evaluations["per_step"]
-    run_config, length = last_run()
     facts = {
-        "command": "".join(variables) + command(run_config),
-        "commit": commit(),
+        "command": " ".join([*map("=".join, variables.items()), command(run.config)]),
+        **made,
         "profile": PROFILE.name,
         "test samples": int(per_step["sample_id"].nunique()),
         "seeds": sorted(int(seed) for seed in per_step["seed"].unique()),
-        "machine": f"{os.cpu_count()} × {processor()}, {memory_gib()} GiB, {platform.system()}",
-        "python": platform.python_version(),
-        **length,
+        "started": f"{pd.Timestamp(run.start, unit='s'):%Y-%m-%d %H:%M} UTC",
+        "minutes": round(run.seconds / 60, 1),
     }
     if "real_per_step" in evaluations:
         facts["real samples"] = int(evaluations["real_per_step"]["sample_id"].nunique())
     return facts
-
-
-SETTINGS = ("TACTILE_PROFILE", "TACTILE_SHAPENET", "TACTILE_REAL")
 
 
 def command(run_config: Mapping[str, Any]) -> str:
@@ -95,41 +101,6 @@ def command(run_config: Mapping[str, Any]) -> str:
     if not run_config:
         return "make run"
     return f"dagster asset materialize --select '*' --config-json '{json.dumps(run_config)}'"
-
-
-def commit() -> str:
-    """The commit of the checkout, marked where files differ from it."""
-    described = ["git", "-C", str(REPOSITORY), "describe", "--always", "--abbrev=12", "--dirty"]
-    return subprocess.run(described, capture_output=True, text=True).stdout.strip() or "unknown"
-
-
-def processor() -> str:
-    """The processor as Linux names it, with the vector units that matter here."""
-    try:
-        facts = Path("/proc/cpuinfo").read_text()
-    except OSError:
-        return platform.processor()
-    model = next(line.partition(": ")[2] for line in facts.splitlines() if "model name" in line)
-    return model + (" (bfloat16)" if "avx512_bf16" in facts or "amx_bf16" in facts else "")
-
-
-def memory_gib() -> int:
-    return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30)
-
-
-def last_run() -> tuple[Mapping[str, Any], dict[str, Any]]:
-    """Run configuration of the last successful run of every asset; and its start (UTC) and length
-    in minutes."""
-    finished = dg.RunsFilter(statuses=[dg.DagsterRunStatus.SUCCESS])
-    with dg.DagsterInstance.get() as instance:
-        for record in instance.get_run_records(finished, limit=50):
-            keys = record.dagster_run.asset_selection
-            if (keys is None or len(keys) >= 11) and record.start_time and record.end_time:
-                started = pd.Timestamp(record.start_time, unit="s")
-                minutes = (record.end_time - record.start_time) / 60
-                length = {"started": f"{started:%Y-%m-%d %H:%M} UTC", "minutes": round(minutes, 1)}
-                return record.dagster_run.run_config, length
-    raise TactileError("no run of all assets has succeeded: make run first")
 
 
 def shown_run(results: Path = RESULTS) -> Path:

@@ -59,7 +59,7 @@ def test_both_precisions_reconstruct_the_same_touches(results):
 def test_the_machine_is_described_and_figures_are_drawn(results):
     folder, _ = results
     machine = json.loads((folder / "machine.json").read_text())
-    assert {"cpu", "cores", "memory_gb", "python", "torch", "commit", "date"} <= machine.keys()
+    assert {"cpu", "cores", "memory_gib", "python", "torch", "commit", "date"} <= machine.keys()
     assert machine["command"].startswith("python -m benchmarks.bench --quick")
     for name in ("cost.png", "precision.png"):
         with Image.open(folder / name) as picture:

@@ -2,6 +2,7 @@ import json
 import re
 import shutil
 
+import dagster as dg
 import pandas as pd
 import pytest
 
@@ -18,6 +19,7 @@ from tactile_assets.publish import (
     with_results,
 )
 from tactile_core.errors import TactileError
+from tests.assets.running import Platform
 
 PUBLISHED = [file.parent for file in sorted(RESULTS.glob("*/run.json"))]
 
@@ -79,10 +81,62 @@ def test_a_readme_without_marks_is_refused():
     assert with_results(f"a {BEGIN} old {END} z", "new") == f"a {BEGIN}\n\nnew\n\n{END} z"
 
 
-def test_where_nothing_was_run_nothing_is_published(tmp_path, monkeypatch):
-    monkeypatch.setenv("TACTILE_HOME", str(tmp_path))
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """Where runs are published in a test."""
+    monkeypatch.setattr("tactile_assets.publish.RESULTS", tmp_path / "results")
+    monkeypatch.delenv("TACTILE_STORE", raising=False)
+    return tmp_path / "results"
+
+
+def publish_from(platform, monkeypatch, note=None):
+    monkeypatch.setenv("TACTILE_HOME", str(platform.home))
+    monkeypatch.setenv("DAGSTER_HOME", str(platform.home / "dagster"))
+    publish("some", note)
+
+
+def test_a_run_is_published_with_the_command_commit_and_machine_that_made_it(
+    chain, elsewhere, monkeypatch
+):
+    publish_from(chain, monkeypatch, note="On a warm day.")
+    about = json.loads((elsewhere / "some" / "run.json").read_text())
+    assert about["command"].startswith(
+        "TACTILE_PROFILE=smoke dagster asset materialize --select '*'"
+    )
+    assert about["profile"] == "smoke" and about["seeds"] == [0]
+    assert "×" in about["machine"] and about["note"] == "On a warm day."
+    assert len(pd.read_csv(elsewhere / "some" / "per_step.csv")) == 6
+    assert "On a warm day." in page(elsewhere / "some")
+
+
+def test_results_of_several_runs_are_not_published(chain, elsewhere, tmp_path, monkeypatch):
+    shutil.copytree(chain.home, tmp_path / "home")
+    with dg.DagsterInstance.from_config(str(tmp_path / "home" / "dagster")) as instance:
+        copy = Platform(tmp_path / "home", instance)
+        copy.materialise("outlines")
+        with pytest.raises(TactileError, match=r"outlines and .* were made in different runs"):
+            publish_from(copy, monkeypatch)
+    assert not elsewhere.exists()
+
+
+def test_other_variables_than_those_of_the_run_are_refused(chain, elsewhere, monkeypatch):
+    monkeypatch.setenv("TACTILE_PROFILE", "laptop")
+    with pytest.raises(TactileError, match="set the same"):
+        publish_from(chain, monkeypatch)
+    assert not elsewhere.exists()
+
+
+def test_where_nothing_was_run_nothing_is_published(platform, elsewhere, monkeypatch):
     with pytest.raises(TactileError, match="is missing: materialise"):
-        publish("nothing")
+        publish_from(platform, monkeypatch)
     with pytest.raises(SystemExit):
         main(["--help"])
-    assert not list(RESULTS.glob("nothing")) + list(RESULTS.glob("-*"))
+    assert not elsewhere.exists()
+
+
+def test_without_the_environment_publishing_says_what_to_do(chain, elsewhere, monkeypatch):
+    monkeypatch.setenv("TACTILE_HOME", str(chain.home))
+    monkeypatch.delenv("DAGSTER_HOME", raising=False)
+    with pytest.raises(TactileError, match="activate the environment first"):
+        publish("some")
+    assert not elsewhere.exists()

@@ -38,14 +38,16 @@ def scans(tmp_path_factory):
 def evaluated(chain, scans, tmp_path_factory) -> Iterator[Platform]:
     """A home where the finished run's policies have been evaluated on the scans; not to be
     changed."""
-    home = tmp_path_factory.mktemp("real")
-    shutil.copytree(chain.home / "artifacts", home / "artifacts")
-    (home / "dagster").mkdir()
+    home = shutil.copytree(chain.home, tmp_path_factory.mktemp("real") / "home")
     fields = {
         f"real_{evaluation}": run_for((evaluation,))["ops"][evaluation]
         for evaluation in ("per_step_evaluation", "per_grasp_evaluation")
     }
-    with dg.DagsterInstance.from_config(str(home / "dagster")) as instance:
+    with (
+        dg.DagsterInstance.from_config(str(home / "dagster")) as instance,
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setenv("TACTILE_REAL", str(scans))
         platform = Platform(home, instance)
         dg.materialize(
             [*defs.assets, *real.ASSETS],
@@ -112,7 +114,7 @@ def test_the_real_rows_are_published_with_the_variable_and_leave_with_it(
 ):
     monkeypatch.setattr(publish, "RESULTS", tmp_path / "results")
     monkeypatch.setenv("TACTILE_HOME", str(evaluated.home))
-    monkeypatch.setenv("DAGSTER_HOME", str(chain.home / "dagster"))  # the run of all assets
+    monkeypatch.setenv("DAGSTER_HOME", str(evaluated.home / "dagster"))
     monkeypatch.setenv("TACTILE_REAL", str(scans))
     monkeypatch.setattr(
         "tactile_assets.results.PROFILE", PROFILE.model_copy(update={"real": str(scans)})

@@ -1,0 +1,73 @@
+"""How a result was made: noted with the evaluations while they are made, for `publish` to read."""
+
+import os
+import platform
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import dagster as dg
+
+from tactile_assets.resources import REPOSITORY
+from tactile_core.errors import TactileError
+from tactile_core.machine import commit, memory_gib, processor
+
+VARIABLES = ("TACTILE_PROFILE", "TACTILE_SHAPENET", "TACTILE_REAL")
+
+
+def made_here() -> dict[str, Any]:
+    """The commit, the variables that are set, the machine and the Python of this process."""
+    from tactile_core.reconstruction.inference import best_device, bfloat16_pays
+
+    device = best_device().type
+    precision = "bfloat16" if bfloat16_pays(device) else "float32"
+    return {
+        "commit": commit(REPOSITORY) or "unknown",
+        "variables": {name: os.environ[name] for name in VARIABLES if os.environ.get(name)},
+        "machine": f"{os.cpu_count()} × {processor()}, {memory_gib():.0f} GiB, "
+        f"{platform.system()}, {device} in {precision}",
+        "python": platform.python_version(),
+    }
+
+
+def how_made(instance: dg.DagsterInstance, asset: str) -> dict[str, Any]:
+    """What `made_here` said when `asset` was last materialised."""
+    metadata = latest(instance, asset)[1].metadata
+    if "made" not in metadata:
+        raise TactileError(f"{asset} does not say how it was made: materialise it again")
+    made = metadata["made"].value
+    assert isinstance(made, dict)
+    return dict(made)
+
+
+class Run(NamedTuple):
+    """A finished run: its configuration, its start in Unix time, and how long it took."""
+
+    config: Mapping[str, Any]
+    start: float
+    seconds: float
+
+
+def whole_run(instance: dg.DagsterInstance, assets: list[str]) -> Run:
+    """The run that made all of `assets`; raises `TactileError` where they are of several runs."""
+    made_in = {asset: latest(instance, asset)[0] for asset in assets}
+    last = made_in[assets[-1]]
+    others = [asset for asset, run in made_in.items() if run != last]
+    if others:
+        raise TactileError(
+            f"{', '.join(others)} and {assets[-1]} were made in different runs, which no one "
+            "command repeats: make run again"
+        )
+    record = instance.get_run_record_by_id(last)
+    if record is None or not (record.start_time and record.end_time):
+        raise TactileError(f"run {last} is not over or not known any more: make run again")
+    return Run(
+        record.dagster_run.run_config, record.start_time, record.end_time - record.start_time
+    )
+
+
+def latest(instance: dg.DagsterInstance, asset: str) -> tuple[str, dg.AssetMaterialization]:
+    """The run of an asset's last materialisation, and what it said."""
+    event = instance.get_latest_materialization_event(dg.AssetKey(asset))
+    if event is None or event.asset_materialization is None:
+        raise TactileError(f"{asset} has never been materialised here: make run first")
+    return event.run_id, event.asset_materialization
