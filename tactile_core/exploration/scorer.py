@@ -35,8 +35,9 @@ class RayScorer(nn.Module):
 
     def forward(self, images: Tensor, rays: Tensor) -> Tensor:
         samples = along_rays(images)  # (N, C·L, angles, offsets)
-        # Beyond the rays of an episode, which it has learnt from, the last one stands for all.
-        step = (rays.clamp(max=RAYS - 1) / RAYS)[:, None, None, None].expand(-1, 1, ANGLES, OFFSETS)
+        # It goes on past the rays of an episode: where nothing else changes, after a miss that told
+        # nothing new, the next ray is another one all the same.
+        step = (rays / RAYS)[:, None, None, None].expand(-1, 1, ANGLES, OFFSETS)
         x = functional.relu(self.read(torch.cat([samples, step], dim=1)))
         for block in self.blocks:
             x = block(x)
