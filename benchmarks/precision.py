@@ -12,6 +12,7 @@ from tactile_core.dataset.rasteriser import rasterise
 from tactile_core.dataset.shapes import Shapes, load_shapes
 from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.errors import TactileError
+from tactile_core.exploration.rays import RAYS
 from tactile_core.exploration.references import find_reference
 from tactile_core.exploration.state import Explorations
 from tactile_core.files import read_table
@@ -22,7 +23,7 @@ from tactile_core.reconstruction.trained import TrainedUNet, load_unet
 from tactile_core.reconstruction.training import begin_training, train_epoch
 
 GOAL = 0.1  # points of the Jaccard index
-TOUCH_SETS, RAYS = 5, 10  # for each test shape
+TOUCH_SETS = 5  # for each test shape
 MODELS, ROTATIONS, EPOCHS = 50, 3, 40  # each class, each model; about 15 seconds of training
 
 

@@ -9,10 +9,10 @@ import functools
 from collections.abc import Iterator
 from pathlib import Path
 
+from tactile_assets.resources import REPOSITORY
 from tactile_core.files import content_hash
 from tactile_core.settings import Settings
 
-ROOT = Path(__file__).resolve().parents[1]
 CORE = "tactile_core"
 # Every module imports these, and what they do shows in the settings and the content itself.
 APART = {f"{CORE}.settings", f"{CORE}.errors", f"{CORE}.files"}
@@ -62,4 +62,4 @@ def imports(module: str) -> Iterator[str]:
 
 
 def source(module: str) -> Path:
-    return ROOT / f"{module.replace('.', '/')}.py"
+    return REPOSITORY / f"{module.replace('.', '/')}.py"

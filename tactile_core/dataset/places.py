@@ -124,17 +124,14 @@ def source_fingerprint(settings: MeshSettings) -> str:
     """Changes when what the meshes are read from changes; nothing is downloaded.
 
     Files count by name, length and time or ETag; http archives by the headers of a HEAD
-    request; a class that is missing counts as such. Raises `TactileError` where a server
-    cannot be asked.
+    request. Raises `MissingClassError` where a class is found nowhere, and another `TactileError`
+    where a server cannot be asked.
     """
-    versions: list[object] = []
-    for category, value in sorted(settings.classes.items()):
-        try:
-            places = find_places(settings.model_copy(update={"classes": {category: value}}))
-        except MissingClassError:
-            versions.append((category, "missing"))
-        else:
-            versions += [(category, _version(place)) for place in places]
+    versions = [
+        (category, _version(place))
+        for category, value in sorted(settings.classes.items())
+        for place in find_places(settings.model_copy(update={"classes": {category: value}}))
+    ]
     return content_hash(*versions)
 
 

@@ -1,8 +1,8 @@
 """The results as tables for the terminal and for markdown, beside the report's numbers.
 
 Each `…_rows` function returns a DataFrame of strings, ready to print; `text_table` and
-`markdown_table` lay one out. "±" is half the width of the 95 % interval,
-and "gap" the gap closed between random and oracle.
+`markdown_table` lay one out. "±" is half the width of the 95 % interval, and "gap" the gap closed
+between random and oracle. What has no interval is a dash: in some resample it was not defined.
 """
 
 from collections.abc import Mapping
@@ -136,9 +136,6 @@ def hyperparameter_rows(chosen: Mapping[str, float]) -> pd.DataFrame:
         }
         for name, value in REPORT_TABLE_I.items()
     )
-
-
-# What has no interval is not shown: in some resample it was not defined.
 
 
 def quantity(row: pd.Series, name: str) -> tuple[float, float, float]:

@@ -15,8 +15,8 @@ SPECS = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_spec
 @pytest.fixture
 def core(tmp_path, monkeypatch):
     """A copy of the core whose files may be changed."""
-    folder = shutil.copytree(code_versions.ROOT / "tactile_core", tmp_path / "tactile_core")
-    monkeypatch.setattr(code_versions, "ROOT", tmp_path)
+    folder = shutil.copytree(code_versions.REPOSITORY / "tactile_core", tmp_path / "tactile_core")
+    monkeypatch.setattr(code_versions, "REPOSITORY", tmp_path)
     forget()
     yield folder
     forget()

@@ -11,7 +11,7 @@ import pytest
 from upath import UPath
 
 from tactile_core.dataset.meshes import load_mesh
-from tactile_core.dataset.places import source_fingerprint
+from tactile_core.dataset.places import MissingClassError, source_fingerprint
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings
 from tests.core.dataset.mesh_files import (
@@ -92,10 +92,11 @@ def fingerprint(location, classes=ONE) -> str:
     return source_fingerprint(MeshSettings(classes=classes, location=str(location)))
 
 
-def test_the_fingerprint_follows_an_archive_a_folder_and_a_class_that_appears(tmp_path):
-    seen = [fingerprint(tmp_path / "source")]  # nothing there
+def test_the_fingerprint_follows_a_folder_and_an_archive_and_misses_what_is_not_there(tmp_path):
+    with pytest.raises(MissingClassError, match="source does not exist"):
+        fingerprint(tmp_path / "source")
     make_folder(tmp_path / "source" / MUG, {f"a/{V2}": obj()})
-    seen.append(fingerprint(tmp_path / "source"))
+    seen = [fingerprint(tmp_path / "source")]
     make_folder(tmp_path / "source" / MUG, {f"b/{V2}": obj()})
     seen.append(fingerprint(tmp_path / "source"))
     os.utime(tmp_path / "source" / MUG / "b" / V2, (1, 1))
@@ -109,11 +110,11 @@ def test_the_fingerprint_follows_an_archive_a_folder_and_a_class_that_appears(tm
 
 
 def test_the_fingerprint_of_a_server_downloads_nothing(site, make_store):
-    make_folder(site.folder, {f"{MUG}.zip": b"anything"})
+    make_folder(site.folder, {f"{MUG}.zip": b"anything", f"{BOTTLE}.zip": b"new"})
     both = {"mug": MUG, "bottle": BOTTLE}
     first = fingerprint(site.url, both)
     assert fingerprint(site.url, both) == first
-    make_folder(site.folder, {f"{BOTTLE}.zip": b"new"})
+    make_folder(site.folder, {f"{BOTTLE}.zip": b"newer"})
     assert fingerprint(site.url, both) != first
     assert {method for method, _, _ in site.log} == {"HEAD"}
 
