@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from tactile_core.dataset.opengl import working_platform
+from tactile_core.dataset.rendering.opengl import working_platform
 from tactile_core.machine import commit, memory_gib, processor
 from tactile_core.reconstruction.inference import best_device, bfloat16_pays
 

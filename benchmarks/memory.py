@@ -36,7 +36,7 @@ def train(environments: int) -> tuple[float, float]:
 
     from benchmarks.samples import masks
     from benchmarks.speed_environment import LAPTOP, batched_env
-    from tactile_core.exploration.ppo import new_model
+    from tactile_core.exploration.learning.ppo import new_model
 
     torch.set_num_threads(1)
     masks()

@@ -7,14 +7,14 @@ import pandas as pd
 
 from benchmarks.samples import CHANNELS, DEPTH, RESOLUTION, as_trained, meshes, shapes
 from benchmarks.timing import Pace, Row
-from tactile_core.dataset.camera import project
-from tactile_core.dataset.rasteriser import rasterise
+from tactile_core.dataset.rendering.camera import project
+from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.shapes import Shapes, load_shapes
 from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.errors import TactileError
-from tactile_core.exploration.rays import RAYS
-from tactile_core.exploration.references import find_reference
-from tactile_core.exploration.state import Explorations
+from tactile_core.exploration.policies.references import find_reference
+from tactile_core.exploration.world.rays import RAYS
+from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import read_table
 from tactile_core.reconstruction.batches import draw_touch_sets
 from tactile_core.reconstruction.inference import Reconstructor

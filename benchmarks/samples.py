@@ -10,10 +10,10 @@ import pandas as pd
 import torch
 import trimesh
 
-from tactile_core.dataset.camera import project
 from tactile_core.dataset.outlines import outline
-from tactile_core.dataset.procedural import procedural_models
-from tactile_core.dataset.rasteriser import rasterise
+from tactile_core.dataset.procedural.models import procedural_models
+from tactile_core.dataset.rendering.camera import project
+from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import UNet

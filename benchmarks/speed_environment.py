@@ -12,10 +12,10 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from benchmarks.samples import RESOLUTION, masks, untrained
 from benchmarks.timing import Curve, Pace, Row, Work, alternated, at_least, swept
-from tactile_core.exploration.approaches import DIFF
-from tactile_core.exploration.env import TactileEnv
-from tactile_core.exploration.ppo import new_model
-from tactile_core.exploration.vec_env import BatchedTactileEnv
+from tactile_core.exploration.learning.approaches import DIFF
+from tactile_core.exploration.learning.ppo import new_model
+from tactile_core.exploration.world.env import TactileEnv
+from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import PROFILES
 

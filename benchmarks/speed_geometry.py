@@ -10,11 +10,11 @@ from skimage.draw import line
 
 from benchmarks.samples import RESOLUTION, masks, meshes
 from benchmarks.timing import Curve, Pace, Row, Work, alternated, at_least, swept
-from tactile_core.dataset.camera import project
-from tactile_core.dataset.opengl import Silhouettes, silhouette, working_platform
-from tactile_core.dataset.rasteriser import rasterise
-from tactile_core.exploration.circle import circle_pixels
-from tactile_core.exploration.rays import cast_rays
+from tactile_core.dataset.rendering.camera import project
+from tactile_core.dataset.rendering.opengl import Silhouettes, silhouette, working_platform
+from tactile_core.dataset.rendering.rasteriser import rasterise
+from tactile_core.exploration.world.circle import circle_pixels
+from tactile_core.exploration.world.rays import cast_rays
 
 MASK_RESOLUTION = 256
 TRIANGLES = (1_000, 3_000, 10_000, 30_000, 100_000, 200_000)

@@ -40,7 +40,7 @@ def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.
     A server that cannot be asked fails the tick, which the UI shows. A source that has gone, such
     as a disk that is not mounted, is waited for: a run could not read it.
     """
-    from tactile_core.dataset.places import MissingClassError, source_fingerprint
+    from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
 
     if PROFILE.meshes.location is None:
         return dg.SkipReason("meshes are generated: TACTILE_SHAPENET names no source to watch")

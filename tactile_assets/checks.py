@@ -44,7 +44,7 @@ def samples_lie_inside_the_circle(rotated_splits: pd.DataFrame) -> dg.AssetCheck
 
 
 def inside_the_circle(table: pd.DataFrame) -> dg.AssetCheckResult:
-    from tactile_core.dataset.pictures import decode_masks
+    from tactile_core.dataset.rendering.pictures import decode_masks
 
     pictures = decode_masks(table["mask"])
     size = pictures.shape[-1]
@@ -179,7 +179,7 @@ def the_unet_beats_the_mean_shape(
 @dg.asset_check(asset="per_step_evaluation")
 def trained_policies_beat_random(per_step_evaluation: pd.DataFrame) -> dg.AssetCheckResult:
     """After the last ray every trained policy has a higher mean Jaccard index than `random`."""
-    from tactile_core.exploration.references import REFERENCES
+    from tactile_core.exploration.policies.references import REFERENCES
 
     table = per_step_evaluation
     last = table[table["step"] == table["step"].max()]

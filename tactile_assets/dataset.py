@@ -70,7 +70,7 @@ def shapenet_meshes(
     group_name="dataset",
     kinds={"pyrender", "numba", "parquet"},
     owners=OWNERS,
-    code_version=code_version("dataset.silhouettes", PROFILE.masks),
+    code_version=code_version("dataset.rendering.silhouettes", PROFILE.masks),
     io_manager_key="tables",
 )
 def masks(
@@ -85,7 +85,7 @@ def masks(
     45° azimuth. PyRender draws them where OpenGL is to be had, else our own rasteriser, with
     equal pixels. Meshes that have not changed are not rendered again.
     """
-    from tactile_core.dataset.silhouettes import render_masks
+    from tactile_core.dataset.rendering.silhouettes import render_masks
     from tactile_core.figures.sheets import mask_sheet
     from tactile_core.figures.style import png
 
@@ -213,6 +213,6 @@ def tactile_samples(
 
 def decoded(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     """Masks (N, R, R) bool and categories (N,) str of a table that holds pictures."""
-    from tactile_core.dataset.pictures import decode_masks
+    from tactile_core.dataset.rendering.pictures import decode_masks
 
     return decode_masks(table["mask"]), table["category"].to_numpy(dtype=str)

@@ -97,7 +97,7 @@ def per_step(
 ) -> dg.MaterializeResult:
     """Figure 4's table on any shapes, with its figures under names that begin with `prefix`."""
     from tactile_core.evaluation.protocols import evaluate_per_step
-    from tactile_core.exploration.policies import load_policies
+    from tactile_core.exploration.policies.store import load_policies
     from tactile_core.figures.animation import rollout_gif
     from tactile_core.figures.rollouts import runs_figure, steps_figure
     from tactile_core.figures.style import png
@@ -127,7 +127,7 @@ def per_grasp(
 ) -> dg.MaterializeResult:
     """Figure 5's table on any shapes, with its figure under a name that begins with `prefix`."""
     from tactile_core.evaluation.protocols import evaluate_per_grasp
-    from tactile_core.exploration.policies import load_policies
+    from tactile_core.exploration.policies.store import load_policies
     from tactile_core.reconstruction.inference import Reconstructor
 
     trained = load_policies(policies, unet.resolution)
@@ -166,7 +166,7 @@ def example_runs(
     The shape is the one on which the policy's final Jaccard index is the median.
     """
     from tactile_core.evaluation.protocols import record_rollout
-    from tactile_core.exploration.references import find_reference
+    from tactile_core.exploration.policies.references import find_reference
 
     last = table[table["step"] == table["step"].max()]
     means = [

@@ -20,7 +20,7 @@ class PolicyConfig(StageConfig, PolicySettings):
     """Training of the policies."""
 
 
-class Training(NamedTuple):
+class PlannedTraining(NamedTuple):
     """One policy to train, and once it is trained the version of its weights."""
 
     approach: str
@@ -34,17 +34,17 @@ class Training(NamedTuple):
         return f"{self.approach}-{self.seed}"
 
 
-@dg.op(out=dg.DynamicOut(Training, description="One for each approach and seed."))
+@dg.op(out=dg.DynamicOut(PlannedTraining, description="One for each approach and seed."))
 def plan_trainings(
     config: PolicyConfig,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
     unet: TrainedUNet,
-) -> Iterator[dg.DynamicOutput[Training]]:
+) -> Iterator[dg.DynamicOutput[PlannedTraining]]:
     """Which policies to train. What would stop every training stops here, once: an approach that is
     not known, an input that is missing, a U-Net of another resolution."""
     from tactile_core.dataset.shapes import load_shapes
-    from tactile_core.exploration.approaches import APPROACHES, find_approach
+    from tactile_core.exploration.learning.approaches import APPROACHES, find_approach
 
     shapes = load_shapes(rotated_splits, outlines, "train")
     if shapes.resolution != unet.resolution:
@@ -60,7 +60,7 @@ def plan_trainings(
     for approach in (recipe.name for recipe in recipes):
         for seed in dict.fromkeys(settings.seeds):
             yield dg.DynamicOutput(
-                Training(approach, seed, settings), mapping_key=f"{approach}_{seed}"
+                PlannedTraining(approach, seed, settings), mapping_key=f"{approach}_{seed}"
             )
 
 
@@ -68,14 +68,14 @@ def plan_trainings(
 def train_policy(
     context: dg.OpExecutionContext,
     store: Store,
-    training: Training,
+    training: PlannedTraining,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
     unet: TrainedUNet,
-) -> Training:
+) -> PlannedTraining:
     """Train one policy and store it; goes on from its checkpoint where it was interrupted."""
     from tactile_core.dataset.shapes import load_shapes
-    from tactile_core.exploration import training as core
+    from tactile_core.exploration.learning import train as core
 
     try:
         version = core.train_policy(
@@ -95,7 +95,7 @@ def train_policy(
 
 @dg.op(out=dg.Out(io_manager_key="policy_index"))
 def gather_policies(
-    context: dg.OpExecutionContext, store: Store, trained: list[Training]
+    context: dg.OpExecutionContext, store: Store, trained: list[PlannedTraining]
 ) -> dg.Output[dict[str, str]]:
     """The policies that were trained, by the names of their directories."""
     from tactile_core.figures.curves import training_curves
@@ -130,7 +130,7 @@ def policy_config(config: PolicyConfig) -> dict[str, Any]:
     group_name="exploration",
     kinds={"gymnasium", "stablebaselines3", "pytorch"},
     owners=OWNERS,
-    code_version=code_version("exploration.training", PROFILE.policies),
+    code_version=code_version("exploration.learning.train", PROFILE.policies),
     config=policy_config,
 )
 def policies(

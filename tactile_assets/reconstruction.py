@@ -67,7 +67,9 @@ def unet_search(
     group_name="reconstruction",
     kinds={"pytorch", "safetensors"},
     owners=OWNERS,
-    code_version=code_version("reconstruction.training", "exploration.practice", PROFILE.unet),
+    code_version=code_version(
+        "reconstruction.training", "exploration.practice.practice", PROFILE.unet
+    ),
     io_manager_key="unets",
 )
 def unet(
@@ -88,8 +90,8 @@ def unet(
     epoch.
     """
     from tactile_core.dataset.shapes import load_shapes
-    from tactile_core.exploration.practice import practise
-    from tactile_core.exploration.ray_touches import rays_and_outlines
+    from tactile_core.exploration.practice.practice import practise
+    from tactile_core.exploration.practice.ray_touches import rays_and_outlines
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.search import with_best_trial

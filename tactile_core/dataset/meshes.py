@@ -15,10 +15,11 @@ import pandas as pd
 import trimesh
 from upath import UPath
 
-from tactile_core.dataset.archives import one_line, open_archive, read_member, safe_members
-from tactile_core.dataset.layouts import SUFFIXES, MeshFile, find_models, with_unique_ids
-from tactile_core.dataset.parsing import parse_mesh
-from tactile_core.dataset.places import (
+from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
+from tactile_core.dataset.sources.archives import one_line, open_archive, read_member, safe_members
+from tactile_core.dataset.sources.layouts import SUFFIXES, MeshFile, find_models, with_unique_ids
+from tactile_core.dataset.sources.parsing import parse_mesh
+from tactile_core.dataset.sources.places import (
     Place,
     as_local,
     as_path,
@@ -28,7 +29,6 @@ from tactile_core.dataset.places import (
     local_archive,
     walk,
 )
-from tactile_core.dataset.procedural import obj_bytes, procedural_models
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, written_whole
 from tactile_core.settings import MeshSettings

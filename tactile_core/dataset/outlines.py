@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import ndimage
 
-from tactile_core.dataset.pictures import decode_masks
+from tactile_core.dataset.rendering.pictures import decode_masks
 
 EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
 

@@ -7,7 +7,7 @@ import pandas as pd
 from upath import UPath
 
 from tactile_core.dataset.meshes import collect_meshes
-from tactile_core.dataset.silhouettes import render_masks
+from tactile_core.dataset.rendering.silhouettes import render_masks
 from tactile_core.dataset.splits import rotate
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from tactile_core.dataset.pictures import decode_masks
+from tactile_core.dataset.rendering.pictures import decode_masks
 from tactile_core.errors import TactileError
 
 SPLITS = ("train", "eval", "test")

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from upath import UPath
 
+from tactile_core.dataset.rendering.silhouettes import EMPTY, draw
 from tactile_core.dataset.seeds import generator, name_hash
-from tactile_core.dataset.silhouettes import EMPTY, draw
 from tactile_core.errors import TactileError
 from tactile_core.settings import MaskSettings, SplitSettings
 

@@ -10,10 +10,10 @@ import pandas as pd
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.rollout import Rollout
-from tactile_core.exploration.policies import Policy
-from tactile_core.exploration.rays import ray_ends
-from tactile_core.exploration.references import find_reference
-from tactile_core.exploration.state import Explorations
+from tactile_core.exploration.policies.base import Policy
+from tactile_core.exploration.policies.references import find_reference
+from tactile_core.exploration.world.rays import ray_ends
+from tactile_core.exploration.world.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.settings import EvaluationSettings
 
@@ -38,7 +38,7 @@ def evaluate_per_step(
         explorations = Explorations(test.masks, reconstructor)
         for step in range(1, settings.count + 1):
             cast = explorations.cast(policy.choose(explorations, rng, settings.deterministic))
-            table = about(policy, test)
+            table = sample_columns(policy, test)
             table["step"] = step
             table["jaccard"] = cast.jaccard.astype(float)
             table["touches"] = explorations.held.copy()
@@ -68,7 +68,7 @@ def evaluate_per_grasp(
     for policy in with_references(policies, settings):
         jaccard, rays = grasps_of(policy, test, reconstructor, settings)
         for grasp in range(1, settings.count + 1):
-            table = about(policy, test)
+            table = sample_columns(policy, test)
             table["grasp"] = grasp
             table["jaccard"] = jaccard[:, grasp - 1]
             table["rays"] = rays[:, grasp - 1]
@@ -151,7 +151,7 @@ def policy_rng(policy: Policy, seed: int) -> np.random.Generator:
     return np.random.default_rng([seed, policy.seed, zlib.crc32(policy.name.encode())])
 
 
-def about(policy: Policy, test: Shapes) -> pd.DataFrame:
+def sample_columns(policy: Policy, test: Shapes) -> pd.DataFrame:
     """The columns that say whose row it is, one row for each test sample."""
     return pd.DataFrame(
         {

@@ -83,12 +83,12 @@ def draw_frame(
     arrived = step + (travel == 1)
     for number, touch in enumerate(rollout.touches[:arrived]):
         if touch[0] >= 0:
-            draw_dot(draw, place(touch, rollout.mask), 5.5 if number == step else 3.5, YELLOW)
+            draw_dot(draw, on_image(touch, rollout.mask), 5.5 if number == step else 3.5, YELLOW)
     draw_words(draw, rollout, min(arrived, len(rollout.rays)), score)
     return image.reduce(FINE)
 
 
-def place(point: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
+def on_image(point: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
     """Where the centre of pixel (row, column) lies in the fine image, as (x, y)."""
     scale = FINE * SIDE / len(mask)
     return (point[1] + 0.5) * scale, (point[0] + 0.5) * scale + FINE * HEADER
@@ -98,13 +98,13 @@ def draw_circle(draw: ImageDraw.ImageDraw, mask: np.ndarray) -> None:
     """The circle that rays start from, faint."""
     middle = len(mask) / 2 - 1
     radius = middle * FINE * SIDE / len(mask)
-    draw.circle(place(np.array([middle, middle]), mask), radius, outline=RING, width=FINE)
+    draw.circle(on_image(np.array([middle, middle]), mask), radius, outline=RING, width=FINE)
 
 
 def draw_truth(draw: ImageDraw.ImageDraw, mask: np.ndarray) -> None:
     """The true outline, faint."""
     for contour in find_contours(np.pad(mask, 1).astype(float), 0.5):
-        draw.line([place(point - 1, mask) for point in contour], fill=TRUTH, width=FINE)
+        draw.line([on_image(point - 1, mask) for point in contour], fill=TRUTH, width=FINE)
 
 
 def draw_ray(draw: ImageDraw.ImageDraw, rollout: Rollout, step: int, travel: float) -> None:
@@ -114,8 +114,8 @@ def draw_ray(draw: ImageDraw.ImageDraw, rollout: Rollout, step: int, travel: flo
     goal = end if touch[0] < 0 else touch
     tip = start + travel * (goal - start)
     colour = DIM if touch[0] < 0 and travel == 1 else LIGHT
-    draw.line([place(start, rollout.mask), place(tip, rollout.mask)], fill=colour, width=FINE)
-    draw_dot(draw, place(start, rollout.mask), 2.5, colour)
+    draw.line([on_image(start, rollout.mask), on_image(tip, rollout.mask)], fill=colour, width=FINE)
+    draw_dot(draw, on_image(start, rollout.mask), 2.5, colour)
 
 
 def draw_dot(

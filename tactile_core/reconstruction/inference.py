@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.reconstruction.unet import fuse_normalisation, place
+from tactile_core.reconstruction.unet import fuse_normalisation, on_device
 
 Precision = Literal["auto", "bfloat16", "float32"]
 
@@ -41,7 +41,7 @@ class Reconstructor:
         self.resolution = unet.resolution
         self.free_space = unet.free_space
         self.version = unet.version()
-        self._net = place(fuse_normalisation(unet.net()), self.device, self.dtype)
+        self._net = on_device(fuse_normalisation(unet.net()), self.device, self.dtype)
 
     @torch.inference_mode()
     def predict(self, felt: np.ndarray) -> np.ndarray:

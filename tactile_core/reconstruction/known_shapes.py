@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from tactile_core.reconstruction.batches import ORIENTATIONS, orient
 
-KNOWN_SHAPES = "known_shapes"  # what they are called beside the weights of a net
+PACKED_SHAPES = "packed_shapes"  # what they are called beside the weights of a net
 
 MOST = 4096  # shapes remembered; at resolution 64 each takes 72 KiB
 COARSEST = 64  # resolution at which shapes and what was felt are compared

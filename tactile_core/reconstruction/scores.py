@@ -11,7 +11,7 @@ from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
-from tactile_core.reconstruction.unet import place
+from tactile_core.reconstruction.unet import on_device
 
 OVERFIT_TOUCHES = 60
 
@@ -35,7 +35,7 @@ def evaluate_reconstruction(
     device = best_device()
     for split, some in shapes.items():
         recalls_own = split == "train" and unet.known is not None
-        net = place(unet.net(some if recalls_own else None), device)
+        net = on_device(unet.net(some if recalls_own else None), device)
         models = some.model_ids if recalls_own else None
         indices, sets = touch_sets_of(some, tactile_samples)
         own = None if models is None else models[indices]

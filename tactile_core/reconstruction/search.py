@@ -31,7 +31,7 @@ QUIET_RAY = {
 
 def search_unet(
     train: Shapes,
-    evaluation: Shapes,
+    eval_shapes: Shapes,
     settings: SearchSettings,
     *,
     work: Path,
@@ -50,7 +50,7 @@ def search_unet(
     finds their epochs done.
     """
     with running_ray(settings.concurrent), seeded(settings.seed):
-        results = run_trials(train, evaluation, settings, work.resolve(), progress)
+        results = run_trials(train, eval_shapes, settings, work.resolve(), progress)
     # A trial that failed keeps its last good report: it must not win the search by that.
     ended = [results[index] for index in range(len(results))]
     finished = [result.metrics or {} for result in ended if result.error is None]
@@ -115,14 +115,14 @@ def seeded(seed: int) -> Iterator[None]:
 
 def run_trials(
     train: Shapes,
-    evaluation: Shapes,
+    eval_shapes: Shapes,
     settings: SearchSettings,
     work: Path,
     progress: Callable[[str], None],
 ) -> tune.ResultGrid:
     """Let BOHB suggest and HyperBand pause trials until all have had their epochs."""
     trainable = tune.with_parameters(
-        run_trial, train=train, evaluation=evaluation, settings=settings, work=work / "epochs"
+        run_trial, train=train, eval_shapes=eval_shapes, settings=settings, work=work / "epochs"
     )
     tuner = tune.Tuner(
         tune.with_resources(trainable, resources_per_trial(settings.concurrent)),

@@ -16,7 +16,7 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table, write_table, written_whole
 from tactile_core.reconstruction.known_shapes import (
-    KNOWN_SHAPES,
+    PACKED_SHAPES,
     KnownShapes,
     bits_of,
     models_of,
@@ -73,7 +73,7 @@ class TrainedUNet:
         """What `model.safetensors` holds: the weights, and the known shapes where there are any."""
         if self.known is None:
             return self.weights
-        return {**self.weights, KNOWN_SHAPES: torch.from_numpy(self.known)}
+        return {**self.weights, PACKED_SHAPES: torch.from_numpy(self.known)}
 
     def forgetting(self, masks: np.ndarray) -> "TrainedUNet":
         """This U-Net without `masks` (N, R, R) bool among the shapes that it knows."""
@@ -85,7 +85,7 @@ class TrainedUNet:
 
 def save_unet(unet: TrainedUNet, directory: UPath) -> None:
     """Write `model.safetensors`, `curve.parquet` and, last, `settings.json`."""
-    about = {
+    description = {
         "resolution": unet.resolution,
         "depth": unet.depth,
         "channels": unet.channels,
@@ -97,25 +97,25 @@ def save_unet(unet: TrainedUNet, directory: UPath) -> None:
         file.write(safetensors.torch.save(unet.tensors()))
     write_table(unet.curve, directory / "curve.parquet")
     with written_whole(directory / "settings.json") as file:
-        file.write(json.dumps(about, indent=2).encode())
+        file.write(json.dumps(description, indent=2).encode())
 
 
 def load_unet(directory: UPath) -> TrainedUNet:
     """Read what `save_unet` wrote; raises `TactileError` where it is missing or damaged."""
     try:
-        about = json.loads((directory / "settings.json").read_bytes())
-        version = about.pop("version")
+        description = json.loads((directory / "settings.json").read_bytes())
+        version = description.pop("version")
         weights = safetensors.torch.load((directory / "model.safetensors").read_bytes())
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no trained U-Net: materialise unet first") from error
     except (ValueError, KeyError, SafetensorError) as error:
         raise TactileError(f"{directory} is damaged ({error}): materialise unet again") from error
-    known = weights.pop(KNOWN_SHAPES, None)
+    known = weights.pop(PACKED_SHAPES, None)
     unet = TrainedUNet(
         weights=weights,
         curve=read_table(directory / "curve.parquet"),
         known=None if known is None else known.numpy(),
-        **about,
+        **description,
     )
     if unet.version() != version:
         raise TactileError(

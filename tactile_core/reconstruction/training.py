@@ -26,14 +26,14 @@ from tactile_core.reconstruction.inference import best_device, bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack, picked, unpack
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.reconstruction.unet import UNet, place
+from tactile_core.reconstruction.unet import UNet, on_device
 from tactile_core.settings import UNetSettings
 
 EVALUATION_BATCH = 128
 
 
 @dataclass
-class Training:
+class UNetTraining:
     """A U-Net in training: the net, its optimiser and all that a checkpoint must hold."""
 
     net: UNet
@@ -56,19 +56,19 @@ class Training:
 
 def begin_training(
     depth: int, channels: int, learning_rate: float, seed: int, known: KnownShapes | None = None
-) -> Training:
+) -> UNetTraining:
     """A freshly initialised U-Net with its optimiser, on the best device."""
     torch.manual_seed(seed)
     device = best_device()
-    net = place(UNet(depth, channels, known), device)
+    net = on_device(UNet(depth, channels, known), device)
     if known and bfloat16_pays(device.type):
         known.to(torch.bfloat16)
     optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4, fused=True)
-    return Training(net, optimizer, np.random.default_rng(seed), device)
+    return UNetTraining(net, optimizer, np.random.default_rng(seed), device)
 
 
 def train_epoch(
-    training: Training,
+    training: UNetTraining,
     shapes: Shapes,
     batch_size: int,
     draw: DrawFelt | None = None,
@@ -157,7 +157,7 @@ def finite(loss: float) -> float:
 
 def train_unet(
     train: Shapes,
-    evaluation: Shapes,
+    eval_shapes: Shapes,
     settings: UNetSettings,
     *,
     work: Path,
@@ -180,10 +180,10 @@ def train_unet(
         models = train.model_ids[picked(len(train))]
         known = KnownShapes(unpack(packed, train.resolution), models)
     training = begin_training(depth, channels, rate, settings.seed, known)
-    touch_sets = draw_touch_sets(evaluation, np.random.default_rng(settings.seed))
+    touch_sets = draw_touch_sets(eval_shapes, np.random.default_rng(settings.seed))
     drawn = draw.__qualname__ if draw else None
     key = content_hash(
-        settings.model_dump(), drawn, train.masks.tobytes(), evaluation.masks.tobytes()
+        settings.model_dump(), drawn, train.masks.tobytes(), eval_shapes.masks.tobytes()
     )
     checkpoint = work / "checkpoint.pt"
     curve: list[dict[str, float]] = []
@@ -203,7 +203,7 @@ def train_unet(
                 training, rate, epoch - 1 + share, settings.epochs
             ),
         )  # fmt: skip
-        eval_loss, scores = evaluate(training.net, touch_sets, evaluation.masks, training.device)
+        eval_loss, scores = evaluate(training.net, touch_sets, eval_shapes.masks, training.device)
         row = {
             "epoch": epoch, "train_loss": loss,
             "eval_loss": eval_loss, "eval_jaccard": float(scores.mean()),
@@ -243,7 +243,7 @@ def required(settings: UNetSettings) -> tuple[float, int, int, int]:
     return values  # type: ignore[return-value]
 
 
-def set_rate(training: Training, rate: float, epochs_done: float, epochs: int) -> None:
+def set_rate(training: UNetTraining, rate: float, epochs_done: float, epochs: int) -> None:
     """Linear warm-up over the first epoch, then a cosine down to a hundredth."""
     cosine = 0.505 + 0.495 * np.cos(np.pi * epochs_done / epochs)
     for group in training.optimizer.param_groups:

@@ -21,7 +21,7 @@ CHECKPOINT = "trial.pt"
 def run_trial(
     config: dict[str, Any],
     train: Shapes,
-    evaluation: Shapes,
+    eval_shapes: Shapes,
     settings: SearchSettings,
     work: Path,
 ) -> None:
@@ -36,8 +36,8 @@ def run_trial(
     torch.set_num_threads(max(1, min(torch.get_num_threads(), int(share["CPU"]))))
     depth, channels = int(config["depth"]), int(config["channels"])
     training = begin_training(depth, channels, float(config["learning_rate"]), settings.seed)
-    touch_sets = draw_touch_sets(evaluation, np.random.default_rng(settings.seed))
-    key = trial_key(config, train, evaluation, settings)
+    touch_sets = draw_touch_sets(eval_shapes, np.random.default_rng(settings.seed))
+    key = trial_key(config, train, eval_shapes, settings)
     kept = work / f"{key}.pt"
     curve: list[dict[str, float]] = []
     reported = 0
@@ -56,7 +56,7 @@ def run_trial(
         if epoch >= len(curve):
             batch_size = int(config["batch_size"])
             train_epoch(training, train, batch_size, samples=settings.samples_per_epoch)
-            loss, scores = evaluate(training.net, touch_sets, evaluation.masks, training.device)
+            loss, scores = evaluate(training.net, touch_sets, eval_shapes.masks, training.device)
             curve = [*curve, {"loss": loss, "jaccard": float(scores.mean())}]
             save_checkpoint(kept, key, {"curve": curve, "training": training.state()})
         with tempfile.TemporaryDirectory() as directory:
@@ -66,9 +66,9 @@ def run_trial(
 
 
 def trial_key(
-    config: dict[str, Any], train: Shapes, evaluation: Shapes, settings: SearchSettings
+    config: dict[str, Any], train: Shapes, eval_shapes: Shapes, settings: SearchSettings
 ) -> str:
     """Hash of everything that a trial's result depends on."""
     tried = {name: repr(value) for name, value in sorted(config.items())}
     budget = settings.seed, settings.samples_per_epoch
-    return content_hash(tried, budget, train.masks.tobytes(), evaluation.masks.tobytes())
+    return content_hash(tried, budget, train.masks.tobytes(), eval_shapes.masks.tobytes())

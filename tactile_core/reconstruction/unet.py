@@ -77,7 +77,7 @@ def _block(inside: int, outside: int) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-def place(net: UNet, device: torch.device, dtype: torch.dtype = torch.float32) -> UNet:
+def on_device(net: UNet, device: torch.device, dtype: torch.dtype = torch.float32) -> UNet:
     """The net on `device`, channels last: the layout in which convolutions are quickest."""
     return net.to(device, dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
 

@@ -57,7 +57,7 @@ def test_each_data_version_is_a_hash_of_what_is_stored(chain):
 def test_nets_learn_on_train_stop_on_eval_and_are_tested_on_test(copy_of_chain, monkeypatch):
     """What each function of the core is given, told by the samples' own splits."""
     from tactile_core.evaluation import protocols
-    from tactile_core.exploration import training as policy_training
+    from tactile_core.exploration.learning import train as policy_training
     from tactile_core.reconstruction import search, training
 
     splits = read_table(copy_of_chain.store.path("rotated_splits.parquet"))

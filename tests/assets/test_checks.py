@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from tactile_assets import checks
-from tactile_core.dataset.pictures import decode_masks, encode_mask
+from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
 from tactile_core.files import read_table, write_table
 
 

@@ -33,8 +33,8 @@ def versions() -> dict[str, str]:
         name: code_version(*modules)
         for name, modules in {
             "outlines": ["dataset.outlines"],
-            "unet": ["reconstruction.training", "exploration.practice"],
-            "policies": ["exploration.training"],
+            "unet": ["reconstruction.training", "exploration.practice.practice"],
+            "policies": ["exploration.learning.train"],
             "evaluations": ["evaluation.protocols"],
         }.items()
     }
@@ -50,7 +50,7 @@ def changed_by(file, old: str, new: str) -> set[str]:
 
 
 def test_code_counts_wherever_it_is_imported_from(core):
-    rewards = core / "exploration" / "rewards.py"
+    rewards = core / "exploration" / "world" / "rewards.py"
     assert changed_by(rewards, "PENALTY = -10.0", "PENALTY = -5.0") == {"policies"}
     threshold = core / "reconstruction" / "jaccard.py"
     assert changed_by(threshold, "THRESHOLD = 0.5", "THRESHOLD = 0.4") == {
@@ -68,13 +68,13 @@ def test_words_do_not_count(core):
 
 def test_settings_of_a_stage_count():
     other = PROFILE.unet.model_copy(update={"epochs": PROFILE.unet.epochs + 1})
-    modules = "reconstruction.training", "exploration.practice"
+    modules = "reconstruction.training", "exploration.practice.practice"
     assert code_version(*modules, PROFILE.unet) == SPECS["unet"].code_version
     assert code_version(*modules, other) != code_version(*modules, PROFILE.unet)
 
 
 def test_imports_are_followed_inside_functions_and_through_packages():
-    followed = closure(["tactile_core.exploration.practice"])
+    followed = closure(["tactile_core.exploration.practice.practice"])
     assert "tactile_core.dataset.seeds" in followed
     assert "tactile_core.reconstruction.known_shapes" in followed
     assert not any("figures" in module for module in followed)

@@ -10,8 +10,8 @@ import pytest
 from tactile_assets import pages, publish, real
 from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
-from tactile_core.dataset.pictures import decode_masks, encode_mask
-from tactile_core.dataset.procedural import obj_bytes, procedural_models
+from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
+from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table
 from tactile_core.reconstruction.trained import load_unet

@@ -7,7 +7,7 @@ import pytest
 
 from tactile_assets import exploration
 from tactile_core.errors import TactileError
-from tactile_core.exploration import training as core
+from tactile_core.exploration.learning import train as core
 from tactile_core.files import read_table
 from tactile_core.reconstruction.trained import load_unet
 

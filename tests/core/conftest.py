@@ -8,10 +8,10 @@ from upath import UPath
 
 from tactile_core.dataset.meshes import collect_meshes
 from tactile_core.dataset.outlines import trace_outlines
+from tactile_core.dataset.rendering.silhouettes import render_masks
 from tactile_core.dataset.shapes import SPLITS, Shapes, load_shapes
-from tactile_core.dataset.silhouettes import render_masks
 from tactile_core.dataset.splits import rotate_splits
-from tactile_core.exploration.ray_touches import rays_and_outlines
+from tactile_core.exploration.practice.ray_touches import rays_and_outlines
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import train_unet

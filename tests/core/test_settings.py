@@ -4,8 +4,8 @@ import pytest
 from pydantic import ValidationError
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration.approaches import APPROACHES, find_approach
-from tactile_core.exploration.references import find_reference
+from tactile_core.exploration.learning.approaches import APPROACHES, find_approach
+from tactile_core.exploration.policies.references import find_reference
 from tactile_core.settings import PROFILES, MaskSettings, active_profile
 
 

@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 from skimage.draw import line
 
 from tactile_core.dataset.outlines import outline, trace_outlines
-from tactile_core.dataset.pictures import encode_mask
+from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.dataset.shapes import as_points
 from tactile_core.files import read_table, table_hash, write_table
 

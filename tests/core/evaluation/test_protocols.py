@@ -12,11 +12,11 @@ from tactile_core.evaluation.protocols import (
     policy_rng,
     record_rollout,
 )
-from tactile_core.exploration.circle import circle_pixels
-from tactile_core.exploration.policies import Policy, load_policies
-from tactile_core.exploration.references import REFERENCES, find_reference
-from tactile_core.exploration.state import Explorations
-from tactile_core.exploration.training import train_policy
+from tactile_core.exploration.learning.train import train_policy
+from tactile_core.exploration.policies.references import REFERENCES, find_reference
+from tactile_core.exploration.policies.store import Policy, load_policies
+from tactile_core.exploration.world.circle import circle_pixels
+from tactile_core.exploration.world.state import Explorations
 from tactile_core.settings import EvaluationSettings, PolicySettings
 
 SETTINGS = EvaluationSettings(count=4, ray_limit=12)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn import functional
 
-from tactile_core.exploration.ray_touches import free_images, plain_sequences
+from tactile_core.exploration.practice.ray_touches import free_images, plain_sequences
 from tactile_core.reconstruction import known_shapes
 from tactile_core.reconstruction.batches import ORIENTATIONS, felt_outlines, orient, touch_images
 from tactile_core.reconstruction.known_shapes import KnownShapes, coarse, pack, unpack

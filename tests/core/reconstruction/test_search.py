@@ -143,7 +143,7 @@ def test_a_trial_that_fails_is_told_and_left_out(search, tmp_path):
 
 
 def test_a_trial_that_fails_after_a_good_report_cannot_win(search, tmp_path, monkeypatch):
-    def explodes(config, train, evaluation, settings, work):
+    def explodes(config, train, eval_shapes, settings, work):
         from ray import tune
 
         deep = config["depth"] == 2

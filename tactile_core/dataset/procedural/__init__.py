@@ -1,0 +1,1 @@
+"""How mugs and bottles are made where there is no ShapeNet."""

@@ -1,0 +1,1 @@
+"""From a mesh to its mask: camera, rasteriser or OpenGL, silhouettes, pictures."""

@@ -1,0 +1,199 @@
+"""Masks: the silhouettes of meshes, rendered by OpenGL or by our own rasteriser.
+
+Both renderers give equal pixels, so which one draws is a matter of what the machine has.
+Meshes are spread over processes where there are enough of them; the masks do not depend on it.
+"""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from upath import UPath
+
+from tactile_core.dataset.meshes import load_mesh
+from tactile_core.dataset.rendering import opengl
+from tactile_core.dataset.rendering.camera import project
+from tactile_core.dataset.rendering.pictures import encode_mask
+from tactile_core.dataset.rendering.rasteriser import rasterise
+from tactile_core.errors import TactileError
+from tactile_core.settings import MaskSettings
+
+EMPTY = "no pixel lies inside its silhouette"
+MOST_WORKERS = 8
+MESHES_PER_WORKER = 50  # fewer are rendered before another process has started
+MESHES_PER_TASK = 5
+MESHES_PER_OSMESA_WORKER = 150  # OSMesa leaks about 0.7 MB a render: its processes are replaced
+
+
+class Job(NamedTuple):
+    """One mesh file and the in-plane rotations, in degrees, at which to render it."""
+
+    file: str
+    rotations: tuple[float, ...]
+
+
+def render_masks(
+    meshes: pd.DataFrame,
+    root: UPath,
+    settings: MaskSettings,
+    previous: pd.DataFrame | None = None,
+    progress: Callable[[str], None] = lambda message: None,
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """The mask of every usable mesh: model_id, category, content_hash, resolution, status, mask.
+
+    meshes : the manifest; meshes whose status is not "ok" are left out
+    root : the folder that the manifest's files are relative to
+    previous : the masks of an earlier run; meshes that have not changed since keep theirs
+    workers : processes at most; None: as many as there are CPUs for this process
+
+    A mesh that cannot be loaded, or that covers no pixel, is set aside: its status is the
+    reason and its mask is null. Raises `TactileError` where no mask is left.
+    """
+    wanted = meshes.loc[meshes["status"] == "ok"].reset_index(drop=True).assign(rotation=0.0)
+    if previous is not None:
+        previous = previous.assign(rotation=0.0)
+    if settings.renderer == "auto" and opengl.working_platform() is None:
+        progress(
+            "no OpenGL here: the software rasteriser renders the masks, with equal pixels "
+            f"(for OpenGL, install {opengl.DEBIAN_PACKAGES})"
+        )
+    drawn = draw(wanted, root, settings, previous, progress, workers)
+    reasons = [mask for mask in drawn if isinstance(mask, str)]
+    if len(reasons) == len(drawn):
+        usual = "none is usable, as the status column of shapenet_meshes tells"
+        raise TactileError(f"no mesh gives a mask: {reasons[0] if reasons else usual}")
+    table = wanted[["model_id", "category", "content_hash"]]
+    return table.assign(
+        resolution=settings.resolution,
+        status=["ok" if isinstance(mask, bytes) else mask for mask in drawn],
+        mask=pd.Series([m if isinstance(m, bytes) else None for m in drawn], dtype=object),
+    )
+
+
+def draw(
+    wanted: pd.DataFrame,
+    root: UPath,
+    settings: MaskSettings,
+    previous: pd.DataFrame | None = None,
+    progress: Callable[[str], None] = lambda message: None,
+    workers: int | None = None,
+) -> list[bytes | str]:
+    """For each row of `wanted` (model_id, content_hash, file, rotation) the mask as PNG bytes,
+    or the reason why there is none.
+
+    Rows that `previous` holds with the same content hash, rotation and resolution are taken
+    from there, and their meshes are not even loaded.
+    """
+    resolution = settings.resolution
+    keys = list(zip(wanted["model_id"], wanted["content_hash"], wanted["rotation"], strict=True))
+    drawn: dict[tuple[str, str, float], bytes | str] = {}
+    if previous is not None:
+        same = previous[previous["mask"].notna() & (previous["resolution"] == resolution)]
+        known = zip(same["model_id"], same["content_hash"], same["rotation"], strict=True)
+        drawn = dict(zip(known, same["mask"], strict=True))
+    missing = [key not in drawn for key in keys]
+    if any(missing):
+        files = wanted[missing].groupby("file", sort=False)["rotation"]
+        jobs = [Job(file, tuple(rotations)) for file, rotations in files]
+        results = render_jobs(jobs, root, settings, progress, workers)
+        new = {
+            (job.file, rotation): mask
+            for job, masks in zip(jobs, results, strict=True)
+            for rotation, mask in zip(job.rotations, masks, strict=True)
+        }
+        for key, file, absent in zip(keys, wanted["file"], missing, strict=True):
+            if absent:
+                drawn[key] = new[file, key[2]]
+    progress(f"{sum(missing)} masks rendered, {len(keys) - sum(missing)} unchanged")
+    return [drawn[key] for key in keys]
+
+
+def render_jobs(
+    jobs: list[Job],
+    root: UPath,
+    settings: MaskSettings,
+    progress: Callable[[str], None],
+    workers: int | None,
+) -> Iterator[list[bytes | str]]:
+    """For each job, in order, its masks as PNG bytes, or reasons, one for each rotation.
+
+    OpenGL always draws in processes of its own: a crash there leaves this one alone, and
+    this one can still be forked, which hangs once OpenGL was used.
+    """
+    platform = None
+    if settings.renderer == "pyrender":
+        platform = opengl.required_platform()
+    elif settings.renderer == "auto":
+        platform = opengl.working_platform()
+    renderer = f"pyrender ({platform})" if platform else "the software rasteriser"
+    progress(f"rendering {len(jobs)} meshes with {renderer} at {settings.resolution} pixels")
+
+    if workers is None:
+        workers = min(available_cpus(), MOST_WORKERS, len(jobs) // MESHES_PER_WORKER)
+    results: Iterator[list[bytes | str]]
+    if platform is None and workers <= 1:
+        results = (render(job, root, settings.resolution, None) for job in jobs)
+    else:
+        results = _in_processes(jobs, root, settings.resolution, platform, max(workers, 1))
+    tenth = max(len(jobs) // 10, 1)
+    for number, masks in enumerate(results, start=1):
+        if number % tenth == 0 and len(jobs) >= MESHES_PER_WORKER:
+            progress(f"rendered {number} of {len(jobs)} meshes")
+        yield masks
+
+
+def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list[bytes | str]:
+    """The masks of one mesh as PNG bytes, or the reason, for each of the job's rotations."""
+    try:
+        mesh = load_mesh(root, job.file)
+    except TactileError as error:  # tables hold no absolute paths
+        return [str(error).replace(str(root / job.file), job.file)] * len(job.rotations)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    masks: list[bytes | str] = []
+    for rotation in job.rotations:
+        if platform:
+            mask = opengl.silhouette(vertices, faces, rotation, resolution, platform)
+        else:
+            mask = rasterise(project(vertices, rotation, resolution), faces, resolution)
+        masks.append(encode_mask(mask) if mask.any() else EMPTY)
+    return masks
+
+
+def available_cpus() -> int:
+    """How many CPUs this process may run on."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS
+        return os.cpu_count() or 1
+
+
+def _in_processes(
+    jobs: list[Job], root: UPath, resolution: int, platform: str | None, workers: int
+) -> Iterator[list[bytes | str]]:
+    per_pool = len(jobs) if platform != "osmesa" else workers * MESHES_PER_OSMESA_WORKER
+    spawn = multiprocessing.get_context("spawn")
+    for start in range(0, len(jobs), per_pool):
+        batch = jobs[start : start + per_pool]
+        tasks = [batch[i : i + MESHES_PER_TASK] for i in range(0, len(batch), MESHES_PER_TASK)]
+        with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=spawn) as pool:
+            done = [pool.submit(_render_all, t, root, resolution, platform) for t in tasks]
+            try:
+                for future in done:
+                    yield from future.result()
+            except BrokenProcessPool as error:
+                raise TactileError(
+                    "a process that renders masks died: give it more memory, or choose "
+                    "masks.renderer rasteriser if OpenGL is to blame"
+                ) from error
+
+
+def _render_all(
+    jobs: list[Job], root: UPath, resolution: int, platform: str | None
+) -> list[list[bytes | str]]:
+    return [render(job, root, resolution, platform) for job in jobs]

@@ -1,0 +1,1 @@
+"""How policies learn: approaches, PPO, gains, one training from start to store."""

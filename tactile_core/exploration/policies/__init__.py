@@ -1,0 +1,1 @@
+"""Who chooses the next ray: rules, PPO, ray scorer, recall; and their files."""

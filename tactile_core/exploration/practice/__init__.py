@@ -1,0 +1,1 @@
+"""What rays feel, for training the U-Net on what it will meet."""

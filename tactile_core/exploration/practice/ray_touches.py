@@ -1,0 +1,95 @@
+"""What rays feel, for training the U-Net on what it will meet.
+
+Rays touch what they see from outside first, so their touches lie otherwise than a uniform draw
+from the outline. A part of each batch stays uniform, as in the report (section V).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.exploration.policies.references import GOLDEN, towards_middle
+from tactile_core.exploration.world.rays import RAYS, candidate_rays, cast_rays, mark_free
+from tactile_core.reconstruction.batches import DrawFelt, outline_touches, touch_images
+
+SEQUENCES = 8  # of each kind for each shape
+
+
+class RaySequences(NamedTuple):
+    """Ten rays in a row, S times for each of N shapes.
+
+    rays : (N, S, RAYS, 2) int, (alpha, beta)
+    touches : (N, S, RAYS, 2) int16, (row, column); (−1, −1) for a miss
+    """
+
+    rays: np.ndarray
+    touches: np.ndarray
+
+
+def rays_and_outlines(
+    shapes: Shapes, seed: int, free_space: bool, practice: RaySequences | None = None
+) -> DrawFelt:
+    """Draws images of outline touches, of what plain rays felt, and of `practice` if there is
+    any: as many of each.
+
+    An image of rays shows what the first 1–10 of a sequence felt; rays that miss leave fewer
+    touches. With `free_space` it also shows where these rays passed.
+    """
+    uniform = outline_touches(shapes)
+    plain = plain_sequences(shapes, np.random.default_rng(seed))
+    sources = [plain, practice] if practice else [plain]
+
+    def draw(rng: np.random.Generator, indices: np.ndarray) -> np.ndarray:
+        points, held = uniform(rng, indices)
+        cast = np.arange(RAYS) < rng.integers(1, RAYS + 1, (len(indices), 1))
+        source = rng.integers(len(sources) + 1, size=len(indices))
+        rays = np.zeros((len(indices), RAYS, 2), int)
+        for number, sequences in enumerate(sources, start=1):
+            which = np.flatnonzero(source == number)
+            chosen = indices[which], rng.integers(sequences.rays.shape[1], size=len(which))
+            rays[which], points[which] = sequences.rays[chosen], sequences.touches[chosen]
+            held[which] = cast[which] & (points[which, :, 0] >= 0)
+        images = touch_images(points, held, shapes.resolution)
+        if free_space:
+            by_rays = cast & (source > 0)[:, None]
+            images -= free_images(rays, points, by_rays, shapes.resolution)
+        return images
+
+    return draw
+
+
+def free_images(
+    rays: np.ndarray, touches: np.ndarray, cast: np.ndarray, resolution: int
+) -> np.ndarray:
+    """Where rays (B, K, 2) passed before their touches (B, K, 2), (B, R, R) int8, 0 or 1.
+
+    cast : (B, K) bool, which of the rays count
+    """
+    free = np.zeros((len(rays), resolution, resolution), np.uint8)
+    for ray in range(rays.shape[1]):
+        which = np.flatnonzero(cast[:, ray])
+        some = free[which]
+        mark_free(some, rays[which, ray], touches[which, ray])
+        free[which] = some
+    return free.astype(np.int8)
+
+
+def plain_sequences(shapes: Shapes, rng: np.random.Generator) -> RaySequences:
+    """Candidate rays at random, sweeps through the middle from any angle, and mixtures of both."""
+    count = len(shapes) * SEQUENCES * RAYS
+    candidates = candidate_rays(shapes.resolution).reshape(-1, 2)
+    at_random = candidates[rng.integers(len(candidates), size=count)]
+    start = rng.uniform(0, 2 * np.pi, (len(shapes), SEQUENCES, 1))
+    angles = start + 2 * np.pi * GOLDEN * np.arange(RAYS)
+    sweeps = towards_middle(angles.ravel(), shapes.resolution)
+    mixed = np.where(rng.random((count, 1)) < 0.5, at_random, sweeps)
+    owners = np.repeat(np.arange(len(shapes)), SEQUENCES * RAYS)
+    shape = len(shapes), SEQUENCES, RAYS, 2
+    kinds = at_random, sweeps, mixed
+    return RaySequences(
+        np.concatenate([rays.reshape(shape) for rays in kinds], axis=1),
+        np.concatenate(
+            [cast_rays(shapes.masks, rays, owners).reshape(shape) for rays in kinds], axis=1
+        ),
+    )

@@ -1,0 +1,50 @@
+"""The report's rewards (section VI.B), on the Jaccard index in percent; what ends an episode."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tactile_core.exploration.world.state import Cast
+
+Reward = Callable[[Cast], np.ndarray]
+
+PENALTY = -10.0
+
+
+def total(cast: Cast) -> np.ndarray:
+    """The Jaccard index after the ray, (N,) float32."""
+    return cast.jaccard
+
+
+def diff(cast: Cast) -> np.ndarray:
+    """What the ray added to the Jaccard index, (N,) float32; at first the index itself."""
+    return cast.jaccard - cast.jaccard_before
+
+
+def penalised(reward: Reward) -> Reward:
+    """`reward`, but −10 in its place for a ray that misses or repeats a touch."""
+
+    def with_penalty(cast: Cast) -> np.ndarray:
+        wasted = cast.missed | cast.repeated
+        return np.where(wasted, np.float32(PENALTY), reward(cast))
+
+    with_penalty.__name__ = f"penalised_{reward.__name__}"
+    return with_penalty
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One training stage: what is rewarded, and what ends an episode.
+
+    ends : "rays": after ten rays; "touches": when ten touches are held (or the ray limit
+        is reached, which truncates the episode)
+    """
+
+    reward: Reward
+    ends: Literal["rays", "touches"] = "rays"
+
+
+DIFF = Stage(penalised(diff))
+TOTAL = Stage(penalised(total))

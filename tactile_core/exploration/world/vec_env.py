@@ -1,0 +1,141 @@
+"""The environment for training: many explorations in one batch, one U-Net pass a step."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils.seeding import np_random
+from stable_baselines3.common.vec_env import VecEnv
+
+from tactile_core.exploration.world.circle import report_order
+from tactile_core.exploration.world.rays import RAYS
+from tactile_core.exploration.world.rewards import Stage
+from tactile_core.exploration.world.state import Explorations
+from tactile_core.reconstruction.inference import Reconstructor
+
+
+class BatchedTactileEnv(VecEnv):
+    """Many environments like `TactileEnv`, step for step, as one Stable-Baselines3 VecEnv.
+
+    `reward_scale` multiplies the rewards that the learner sees; the returns in an episode's
+    info stay in Jaccard points. Environment i draws its masks from a generator of its own,
+    seeded with `seed + i` as Stable-Baselines3 seeds single environments; the state can be
+    read and set, so that a training resumes exactly.
+    """
+
+    def __init__(
+        self,
+        environments: int,
+        masks: np.ndarray,
+        reconstructor: Reconstructor,
+        stage: Stage,
+        *,
+        count: int = RAYS,
+        ray_limit: int = 100,
+        reward_scale: float = 1.0,
+        seed: int = 0,
+    ) -> None:
+        resolution = masks.shape[-1]
+        self.shapes = masks
+        self.stage = stage
+        self.count = count
+        self.ray_limit = ray_limit
+        self.reward_scale = reward_scale
+        self.order = report_order(resolution)
+        self.generators = [np_random(seed + index)[0] for index in range(environments)]
+        self.drawn = np.zeros(environments, int)
+        self.returns = np.zeros(environments, np.float32)
+        blank = np.zeros((environments, resolution, resolution), bool)
+        self.state = Explorations(blank, reconstructor)
+        self.render_mode = None
+        super().__init__(
+            environments,
+            spaces.Box(0, 255, (2, resolution, resolution), np.uint8),
+            spaces.MultiDiscrete([len(self.order)] * 2),
+        )
+
+    def reset(self) -> np.ndarray:
+        for index, seed in enumerate(self._seeds):
+            if seed is not None:
+                self.generators[index] = np_random(seed)[0]
+        self._reset_seeds()
+        self.restart(np.arange(self.num_envs))
+        return self.state.observations()
+
+    def restart(self, which: np.ndarray) -> None:
+        """New episodes on newly drawn masks in the environments at indices `which`."""
+        for index in which:
+            self.drawn[index] = self.generators[index].integers(len(self.shapes))
+        self.state.restart(which, self.shapes[self.drawn[which]])
+        self.returns[which] = 0
+
+    def step_async(self, actions: np.ndarray) -> None:
+        self.actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        cast = self.state.cast(self.order[self.actions])
+        rewards = np.asarray(self.stage.reward(cast), np.float32)
+        terminated, truncated = self.ended()
+        done = terminated | truncated
+        self.returns += rewards
+        observations = self.state.observations()
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        ended = np.flatnonzero(done)
+        for index in ended:
+            infos[index] = {
+                "terminal_observation": observations[index].copy(),
+                "TimeLimit.truncated": bool(truncated[index]),
+                "episode": {"r": float(self.returns[index]), "l": int(self.state.rays[index])},
+                "jaccard": float(self.state.jaccard[index]),
+                "held": int(self.state.held[index]),
+            }
+        if len(ended):
+            self.restart(ended)
+            observations[ended] = self.state.observations(ended)
+        return observations, rewards * np.float32(self.reward_scale), done, infos
+
+    def ended(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which episodes are terminated and which are truncated, (N,) bool each."""
+        if self.stage.ends == "rays":
+            return self.state.rays >= self.count, np.zeros(self.num_envs, bool)
+        terminated = self.state.held >= self.count
+        return terminated, ~terminated & (self.state.rays >= self.ray_limit)
+
+    def get_state(self) -> dict[str, Any]:
+        """Everything that the coming episodes depend on, as plain arrays."""
+        return {
+            "generators": [generator.bit_generator.state for generator in self.generators],
+            "drawn": self.drawn.copy(),
+            "returns": self.returns.copy(),
+            "explorations": self.state.get_state(),
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` returned."""
+        for generator, saved in zip(self.generators, state["generators"], strict=True):
+            generator.bit_generator.state = saved
+        self.drawn[:] = state["drawn"]
+        self.returns[:] = state["returns"]
+        self.state.set_state(state["explorations"])
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [getattr(self, attr_name)] * len(self._chosen(indices))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
+        result = getattr(self, method_name)(*args, **kwargs)
+        return [result] * len(self._chosen(indices))
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        return [False] * len(self._chosen(indices))
+
+    def _chosen(self, indices: int | Iterable[int] | None) -> Sequence[int]:
+        return list(self._get_indices(indices))

@@ -1,0 +1,172 @@
+"""Mesh files of all kinds to meshes of one size and place; bad ones to a reason."""
+
+import io
+import logging
+import warnings
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tactile_core.dataset.sources.obj import read_obj
+from tactile_core.dataset.sources.parsing import parse_mesh
+from tactile_core.errors import TactileError
+
+SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def corners(data: bytes) -> list:
+    """The corner positions of each triangle, x and y."""
+    vertices, faces = read_obj(data)
+    return vertices[faces][:, :, :2].astype(int).tolist()
+
+
+TWO = [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        SQUARE + b"f 1 2 3\nf 1 3 4\n",
+        SQUARE + b"f 1 2 3 4",  # a quad, and no newline at the end
+        SQUARE + b"f 1/1/1 2/2/2 3/3/3 4/4/4\n",
+        SQUARE + b"f 1//1 2//1 3//1 4//1\n",
+        SQUARE + b"f 1/4 2/3 3/2 4/1\n",
+        SQUARE + b"f -4 -3 -2 -1\n",
+        SQUARE + b"f 1 2 3 4  # the front\n",
+        SQUARE + b"f 1 2 \\\n 3 4\n",
+        (SQUARE + b"f 1 2 3 4\n").replace(b"\n", b"\r\n"),
+        (SQUARE + b"f 1 2 3 4\n").replace(b"\n", b"\r"),
+        (SQUARE + b"f 1 2 3 4\n").replace(b"\n", b"\n \t").replace(b" 2 ", b"\t2   "),
+        b"mtllib lost.mtl\no a\ng b\nusemtl c\ns off\n" + SQUARE + b"vn 0 0 1\nvt 0 0\nf 1 2 3 4",
+        SQUARE.replace(b" 0\n", b" 0 1.0 0.5 0.5 0.5\n") + b"f 1 2 3 4\n",  # weights, colours
+        SQUARE.replace(b"v 0 0 0", b"v 0 0 0 1") + b"f 1 2 3\nf 1 3 4\n",  # weights on some
+        SQUARE.replace(b"v 1 0 0", b"v 1e0 .0 -0.0e-3") + b"f 1 2 3 4\n",
+    ],
+)
+def test_every_way_of_writing_two_triangles_gives_the_same_two(text):
+    assert corners(text) == TWO
+
+
+def test_relative_indices_count_from_where_they_stand():
+    text = b"v 9 9 9\n" + SQUARE + b"f -4 -3 -2\nf -4 -2 -1\nv 8 8 8\nv 7 7 7\n"
+    assert corners(text) == TWO
+
+
+def test_polygons_of_different_sizes_become_fans():
+    text = b"".join(b"v %d %d 0\n" % (k, k * k) for k in range(6))
+    _, faces = read_obj(text + b"f 1 2 3\nf 1 2 3 4 5\nf 3 4 5 6\n")
+    assert (faces + 1).tolist() == [
+        [1, 2, 3],
+        [1, 2, 3],
+        [1, 3, 4],
+        [1, 4, 5],
+        [3, 4, 5],
+        [3, 5, 6],
+    ]
+
+
+@given(
+    arrays(np.float64, (7, 3), elements=st.floats(-1e6, 1e6)),
+    arrays(np.int64, (5, 3), elements=st.integers(0, 6)),
+)
+def test_what_trimesh_writes_is_read_back_as_trimesh_reads_it(vertices, faces):
+    data = trimesh.Trimesh(vertices, faces, process=False).export(file_type="obj").encode()
+    ours, theirs = read_obj(data), trimesh.load_mesh(io.BytesIO(data), "obj", process=False)
+    np.testing.assert_array_equal(ours[0][ours[1]], theirs.triangles)
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"", "no faces"),
+        (SQUARE, "no faces"),
+        (b"\xff\xfe\0binary\0" * 9, "no faces"),
+        (SQUARE + b"f 1 2 3\nf 1 2", "a face with fewer than three numbers"),
+        (SQUARE + b"f 1 2 3\nf", "ok"),
+        (SQUARE + b"v 1\nf 1 2 3\n", "a vertex with fewer than three numbers"),
+        (SQUARE + b"f 1 2 5\n", r"a vertex that does not exist \(of 4\)"),
+        (SQUARE + b"f 0 1 2\n", "a vertex that does not exist"),
+        (SQUARE + b"f -5 -1 -2\n", "a vertex that does not exist"),
+        (SQUARE + b"f 1 2 x\n", "a face with something in it that is not a number"),
+        (SQUARE + b"f 1 2 3.5\n", "a face with something in it that is not a number"),
+        (SQUARE + b"v 1 2 z\nf 1 2 3\n", "a vertex with something in it that is not a number"),
+        (SQUARE + b"v nan 0 0\nf 1 2 5\n", "not a finite number"),
+        (SQUARE + b"v 0 inf 0\nf 1 2 5\n", "not a finite number"),
+        (SQUARE + b"v 0 1e999 0\nf 1 2 5\n", "not a finite number"),
+        (SQUARE + b"f 1 1 1\n", "no extent"),
+        (b"v 1e200 0 0\nv -1e200 0 0\nv 0 1e200 0\nf 1 2 3", "too large"),
+    ],
+)
+def test_an_obj_that_cannot_be_used_gives_its_reason(data, why):
+    if why == "ok":  # a lone letter is no face
+        assert len(parse_mesh(data, ".obj").faces) == 1
+        return
+    with pytest.raises(TactileError, match=why):
+        parse_mesh(data, ".obj")
+
+
+@pytest.mark.parametrize("encoding", ["ply", "ply ascii", "stl", "stl_ascii", "off", "glb"])
+@pytest.mark.parametrize("keep", [0, 0.01, 0.5, 0.9, 0.99])
+def test_a_cut_off_file_of_any_kind_gives_one_line(encoding, keep):
+    kind, *ascii_ply = encoding.split()
+    options = {"encoding": "ascii"} if ascii_ply else {}
+    data = trimesh.creation.icosphere().export(file_type=kind, **options)
+    data = data.encode() if isinstance(data, str) else data
+    suffix = f".{kind.removesuffix('_ascii')}"
+    assert len(parse_mesh(data, suffix).faces) == 1280
+    with pytest.raises(TactileError) as caught:
+        parse_mesh(data[: int(keep * len(data))], suffix)
+    assert "\n" not in str(caught.value)
+
+
+def exported(mesh: trimesh.Trimesh | trimesh.Scene, suffix: str) -> bytes:
+    data = mesh.export(file_type=suffix[1:])
+    return data.encode() if isinstance(data, str) else data
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".off", ".glb", ".OBJ", ".STL"])
+def test_every_kind_of_file_gives_the_same_mesh(suffix):
+    mesh = trimesh.creation.annulus(1, 2, 3)
+    mesh.apply_translation([5, 6, 7])
+    parsed = parse_mesh(exported(mesh, suffix.lower()), suffix)
+    expected = (mesh.triangles - [5, 6, 7]) / np.sqrt(4**2 + 4**2 + 3**2)
+    np.testing.assert_allclose(parsed.triangles, expected, atol=1e-6)
+
+
+def test_a_scene_of_several_bodies_keeps_each_in_its_place():
+    scene = trimesh.Scene([trimesh.creation.box()])
+    away = trimesh.transformations.translation_matrix([3, 0, 0])
+    scene.add_geometry(trimesh.creation.box(), transform=away)
+    parsed = parse_mesh(exported(scene, ".glb"), ".glb")
+    assert len(parsed.faces) == 24
+    np.testing.assert_allclose(parsed.extents, np.array([4, 1, 1]) / np.sqrt(18))
+
+
+@given(
+    arrays(np.float64, (6, 3), elements=st.floats(-1e3, 1e3)),
+    st.lists(st.permutations(range(6)).map(lambda p: p[:3]), min_size=1, max_size=4),
+    st.sampled_from([1e-6, 1.0, 1e6]),
+)
+def test_meshes_are_centred_and_have_diagonal_one_whatever_they_were(vertices, faces, scale):
+    used = vertices[np.unique(faces)]
+    assume(np.ptp(used, axis=0).max() > 1e-3)
+    text = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in (vertices * scale).tolist())
+    text += "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
+    mesh = parse_mesh(text.encode(), ".obj")
+    np.testing.assert_allclose(mesh.vertices.min(0) + mesh.vertices.max(0), 0, atol=1e-9)
+    assert np.linalg.norm(np.ptp(mesh.vertices, axis=0)) == pytest.approx(1)
+    low, high = used.min(0), used.max(0)
+    expected = (vertices[faces] - (low + high) / 2) / np.linalg.norm(high - low)
+    np.testing.assert_allclose(mesh.vertices[mesh.faces], expected, atol=1e-6)
+
+
+def test_a_material_file_that_is_missing_is_no_matter(caplog):
+    text = b"mtllib lost.mtl\nusemtl red\n" + SQUARE + b"usemtl blue\nf 1 2 3\nusemtl red\nf 1 3 4"
+    with caplog.at_level(logging.INFO), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(parse_mesh(text, ".obj").faces) == 2
+    assert caplog.text == ""

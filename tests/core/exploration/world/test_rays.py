@@ -1,0 +1,128 @@
+"""Rays are the pixel lines of scikit-image, and touch what they meet first."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skimage.draw import line
+
+from tactile_core.dataset.outlines import outline
+from tactile_core.exploration.world.circle import circle_pixels, middle
+from tactile_core.exploration.world.rays import (
+    candidate_rays,
+    cast_rays,
+    mark_free,
+    pixels_along,
+    ray_ends,
+)
+
+RAYS = 40
+
+
+@st.composite
+def masks_and_rays(draw):
+    """A random mask, dense or sparse, in the middle or all over the image, and some rays."""
+    resolution = draw(st.sampled_from(range(32, 129, 16)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    mask = rng.random((resolution, resolution)) < draw(st.sampled_from([0.002, 0.02, 0.3]))
+    if draw(st.booleans()):
+        outside = np.ones_like(mask)
+        outside[resolution // 4 : -resolution // 4, resolution // 4 : -resolution // 4] = False
+        mask &= ~outside
+    pixels = len(circle_pixels(resolution))
+    rays = rng.integers(pixels, size=(RAYS, 2))
+    rays[0, 1] = rays[0, 0]  # a ray of one pixel
+    return mask, rays
+
+
+def line_of(ray: np.ndarray, resolution: int) -> list[tuple[int, int]]:
+    """The pixels of a ray, as scikit-image draws them."""
+    alpha, beta = circle_pixels(resolution)[ray].tolist()
+    return list(zip(*(part.tolist() for part in line(*alpha, *beta)), strict=True))
+
+
+@settings(deadline=None)
+@given(masks_and_rays())
+def test_a_touch_is_the_first_mask_pixel_on_the_line_from_alpha(drawn):
+    mask, rays = drawn
+    touches = cast_rays(mask[None], rays, np.zeros(RAYS, int))
+    for ray, touch in zip(rays, touches.tolist(), strict=True):
+        met = [pixel for pixel in line_of(ray, len(mask)) if mask[pixel]]
+        assert tuple(touch) == (met[0] if met else (-1, -1))
+
+
+@settings(deadline=None)
+@given(masks_and_rays())
+def test_every_touch_is_a_pixel_of_the_outline(drawn):
+    mask, rays = drawn
+    mask[[0, -1]] = mask[:, [0, -1]] = False
+    mask[tuple(circle_pixels(len(mask)).T)] = False  # rays begin outside the shape
+    touches = cast_rays(mask[None], rays, np.zeros(RAYS, int))
+    reachable = set(map(tuple, outline(mask).tolist()))
+    assert {tuple(touch) for touch in touches.tolist()} - {(-1, -1)} <= reachable
+
+
+@settings(deadline=None)
+@given(masks_and_rays())
+def test_free_is_exactly_what_lies_before_the_touch(drawn):
+    mask, rays = drawn
+    touches = cast_rays(mask[None], rays, np.zeros(RAYS, int))
+    free = np.zeros((RAYS, *mask.shape), np.uint8)
+    mark_free(free, rays, touches)
+    for ray, image in zip(rays, free, strict=True):
+        crossed = line_of(ray, len(mask))
+        hits = [place for place, pixel in enumerate(crossed) if mask[pixel]]
+        expected = set(crossed[: hits[0]] if hits else crossed)
+        assert set(map(tuple, np.argwhere(image).tolist())) == expected
+
+
+def test_what_was_free_stays_free():
+    free = np.ones((1, 32, 32), np.uint8)
+    mark_free(free, np.array([[0, 40]]), np.array([[-1, -1]], np.int16))
+    assert free.all()
+
+
+def test_ray_i_meets_mask_i_unless_told_otherwise(shapes):
+    masks = shapes["test"].masks
+    rays = candidate_rays(64)[:8, 5]
+    own = cast_rays(masks, rays)
+    for index in range(8):
+        only = cast_rays(masks[index][None], rays[index][None])
+        np.testing.assert_array_equal(own[index], only[0])
+    swapped = cast_rays(masks, rays[::-1], np.arange(8)[::-1])
+    np.testing.assert_array_equal(swapped, own[::-1])
+
+
+def test_a_ray_s_ends_are_alpha_then_beta():
+    pixels = circle_pixels(64)
+    ends = ray_ends(np.array([[3, 90], [7, 7]]), 64)
+    assert ends.tolist() == [[*pixels[3], *pixels[90]], [*pixels[7], *pixels[7]]]
+
+
+@pytest.mark.parametrize("resolution", [32, 64, 256])
+def test_candidate_rays_come_from_every_direction_and_cover_the_middle_half(resolution):
+    angles, offsets = 36, 11
+    rays = candidate_rays(resolution, angles, offsets)
+    ends = ray_ends(rays.reshape(-1, 2), resolution).reshape(angles, offsets, 4).astype(float)
+    start = ends[..., :2] - middle(resolution)
+    along = ends[..., 2:] - ends[..., :2]
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+
+    theta = 2 * np.pi * np.arange(angles) / angles
+    inward = -np.stack([np.cos(theta), np.sin(theta)], axis=-1)  # (row, column)
+    aligned = np.einsum("aoi,ai->ao", along, inward)
+    assert (aligned > np.cos(2 / (resolution / 2))).all()  # within two pixels of the circle
+
+    passing = start[..., 0] * along[..., 1] - start[..., 1] * along[..., 0]  # side and distance
+    reach = resolution / 4 - 1
+    ordered = np.sort(passing, axis=1)
+    assert (ordered[:, 0] < -reach + 1.5).all()
+    assert (ordered[:, -1] > reach - 1.5).all()
+    assert (np.diff(ordered, axis=1) < 2 * reach / (offsets - 1) + 1.5).all()
+
+
+def test_the_pixels_along_candidate_rays_are_those_of_their_lines():
+    for ray, flat in zip(candidate_rays(48).reshape(-1, 2), pixels_along(48), strict=True):
+        expected = [row * 48 + column for row, column in line_of(ray, 48)]
+        assert flat[flat >= 0].tolist() == expected
+        assert (flat[len(expected) :] == -1).all()
