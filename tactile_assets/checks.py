@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 
 from tactile_assets.config import PROFILE
-from tactile_assets.resources import counts, markdown
+from tactile_assets.metadata import counts, markdown
 
 # Trained for a few seconds, nothing has to be good yet.
 UNLESS_SMOKE = (

@@ -9,7 +9,7 @@ import functools
 from collections.abc import Iterator
 from pathlib import Path
 
-from tactile_assets.resources import REPOSITORY
+from tactile_assets.paths import REPOSITORY
 from tactile_core.files import content_hash
 from tactile_core.settings import Settings
 

@@ -6,7 +6,8 @@ import pandas as pd
 
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.resources import OWNERS, Store, counts, markdown, stored
+from tactile_assets.metadata import counts, markdown, set_aside, stored, wing
+from tactile_assets.resources import Store
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, TouchSettings
 
 
@@ -31,11 +32,9 @@ class TouchConfig(StageConfig, TouchSettings):
 
 
 @dg.asset(
-    group_name="dataset",
     kinds={"shapenet", "trimesh", "parquet"},
-    owners=OWNERS,
     code_version=code_version("dataset.meshes", PROFILE.meshes),
-    io_manager_key="tables",
+    **wing("dataset"),
 )
 def shapenet_meshes(
     context: dg.AssetExecutionContext, config: MeshConfig, store: Store
@@ -53,25 +52,21 @@ def shapenet_meshes(
         config, store.path("shapenet_meshes"), store.work(), progress=context.log.info
     )
     usable = manifest[manifest["status"] == "ok"]
-    aside = manifest.loc[manifest["status"] != "ok", ["model_id", "category", "status"]]
     by_class = usable.groupby("category", as_index=False).agg(
         source=("source", "first"), meshes=("file", "size"), median_faces=("faces", "median")
     )
     return stored(
         manifest,
         meshes=len(usable),
-        set_aside=len(aside),
         by_class=markdown(by_class, digits=0),
-        **({"reasons": markdown(aside.head(20))} if len(aside) else {}),
+        **set_aside(manifest),
     )
 
 
 @dg.asset(
-    group_name="dataset",
     kinds={"pyrender", "numba", "parquet"},
-    owners=OWNERS,
     code_version=code_version("dataset.rendering.silhouettes", PROFILE.masks),
-    io_manager_key="tables",
+    **wing("dataset"),
 )
 def masks(
     context: dg.AssetExecutionContext,
@@ -109,11 +104,9 @@ def masks(
 
 
 @dg.asset(
-    group_name="dataset",
     kinds={"numpy", "parquet"},
-    owners=OWNERS,
     code_version=code_version("dataset.splits", PROFILE.splits),
-    io_manager_key="tables",
+    **wing("dataset"),
 )
 def rotated_splits(
     context: dg.AssetExecutionContext,
@@ -154,11 +147,9 @@ def rotated_splits(
 
 
 @dg.asset(
-    group_name="dataset",
     kinds={"scipy", "parquet"},
-    owners=OWNERS,
     code_version=code_version("dataset.outlines"),
-    io_manager_key="tables",
+    **wing("dataset"),
 )
 def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
     """The outline of each sample: every mask pixel that a ray from outside can reach.
@@ -180,11 +171,9 @@ def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
 
 
 @dg.asset(
-    group_name="dataset",
     kinds={"numpy", "parquet"},
-    owners=OWNERS,
     code_version=code_version("dataset.touches", PROFILE.touches),
-    io_manager_key="tables",
+    **wing("dataset"),
 )
 def tactile_samples(
     config: TouchConfig, store: Store, rotated_splits: pd.DataFrame, outlines: pd.DataFrame

@@ -11,8 +11,9 @@ from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.metadata import markdown, stored, wing
 from tactile_assets.provenance import made_here
-from tactile_assets.resources import OWNERS, Store, markdown, stored
+from tactile_assets.resources import Store
 from tactile_core.settings import EvaluationSettings
 
 if TYPE_CHECKING:
@@ -31,10 +32,8 @@ class PerGraspConfig(StageConfig, EvaluationSettings):
 
 
 EVALUATION: dict[str, Any] = {
-    "group_name": "evaluation",
     "kinds": {"pytorch", "matplotlib", "parquet"},
-    "owners": OWNERS,
-    "io_manager_key": "tables",
+    **wing("evaluation"),
 }
 TRAINED = ("unet", "policies")  # an evaluation is made anew where one of these is new
 PER_STEP = code_version("evaluation.protocols", PROFILE.per_step)

@@ -9,7 +9,8 @@ import pandas as pd
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.resources import OWNERS, Store, markdown
+from tactile_assets.metadata import OWNERS, markdown
+from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table
 from tactile_core.settings import PolicySettings

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import dagster as dg
 
-from tactile_assets.resources import REPOSITORY
+from tactile_assets.paths import REPOSITORY
 from tactile_core.errors import TactileError
 from tactile_core.machine import commit, memory_gib, processor
 

@@ -20,8 +20,9 @@ import pandas as pd
 from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tactile_assets.pages import PICTURES, page, readme_part
+from tactile_assets.paths import REPOSITORY
 from tactile_assets.provenance import how_made, made_here, whole_run
-from tactile_assets.resources import REPOSITORY, Store
+from tactile_assets.resources import Store
 from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.tables import hyperparameter_rows, reconstruction_rows

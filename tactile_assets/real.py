@@ -22,7 +22,8 @@ from tactile_assets.evaluation import (
     per_step,
 )
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.resources import OWNERS, Store, counts, markdown, stored
+from tactile_assets.metadata import counts, set_aside, stored, wing
+from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings
 
@@ -40,11 +41,9 @@ class RealConfig(StageConfig, MeshSettings):
 
 
 @dg.asset(
-    group_name="evaluation",
     kinds={"shapenet", "trimesh", "parquet"},
-    owners=OWNERS,
     code_version=code_version("dataset.real", MESHES, PROFILE.masks, PROFILE.splits),
-    io_manager_key="tables",
+    **wing("evaluation"),
 )
 def real_shapes(
     context: dg.AssetExecutionContext, config: RealConfig, store: Store
@@ -72,8 +71,7 @@ def real_shapes(
         table,
         samples=len(table),
         models=counts(table.drop_duplicates("model_id"), "split", "category"),
-        set_aside=len(aside),
-        **({"reasons": markdown(aside.head(20))} if len(aside) else {}),
+        **set_aside(aside),
         sheet=store.picture("real_shapes.png", png(mask_sheet(pictures, categories))),
     )
 

@@ -7,7 +7,8 @@ from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.resources import OWNERS, Store, markdown, stored
+from tactile_assets.metadata import markdown, stored, wing
+from tactile_assets.resources import Store
 from tactile_core.settings import SearchSettings, UNetSettings
 
 
@@ -22,12 +23,10 @@ class UNetConfig(StageConfig, UNetSettings):
 
 
 @dg.asset(
-    group_name="reconstruction",
     kinds={"ray", "pytorch", "parquet"},
-    owners=OWNERS,
     code_version=code_version("reconstruction.search", PROFILE.search),
-    io_manager_key="tables",
     deps=["tactile_samples"],  # for its check: it draws touches of its own from the same outlines
+    **wing("reconstruction"),
 )
 def unet_search(
     context: dg.AssetExecutionContext,
@@ -64,13 +63,11 @@ def unet_search(
 
 
 @dg.asset(
-    group_name="reconstruction",
     kinds={"pytorch", "safetensors"},
-    owners=OWNERS,
     code_version=code_version(
         "reconstruction.training", "exploration.practice.practice", PROFILE.unet
     ),
-    io_manager_key="unets",
+    **wing("reconstruction", "unets"),
 )
 def unet(
     context: dg.AssetExecutionContext,
@@ -123,12 +120,10 @@ def unet(
 
 
 @dg.asset(
-    group_name="reconstruction",
     kinds={"pytorch", "parquet"},
-    owners=OWNERS,
     code_version=code_version("reconstruction.scores"),
-    io_manager_key="tables",
     automation_condition=after("unet"),
+    **wing("reconstruction"),
 )
 def reconstruction_evaluation(
     context: dg.AssetExecutionContext,

@@ -1,23 +1,19 @@
-"""Where everything lies, and how assets say what they stored."""
+"""The store: what assets keep, and what only this machine keeps."""
 
 import base64
 import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import dagster as dg
 import pandas as pd
 from pydantic import Field
 from upath import UPath
 
+from tactile_assets.paths import REPOSITORY
 from tactile_core.errors import TactileError
-from tactile_core.evaluation.tables import markdown_table
-from tactile_core.files import read_table, table_hash, written_whole
-
-REPOSITORY = Path(__file__).resolve().parents[1]
-OWNERS = ["team:tactile-exploration"]
+from tactile_core.files import read_table, written_whole
 
 logger = logging.getLogger(__name__)
 
@@ -67,22 +63,3 @@ class Store(dg.ConfigurableResource):
         data = base64.b64encode(picture).decode()
         kind = Path(name).suffix.removeprefix(".")
         return dg.MetadataValue.md(f"![{name}](data:image/{kind};base64,{data})")
-
-
-def markdown(table: pd.DataFrame, digits: int = 2) -> dg.MarkdownMetadataValue:
-    """A small table as the UI shows it."""
-    words = table.map(lambda cell: f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell))
-    return dg.MetadataValue.md(markdown_table(words))
-
-
-def counts(table: pd.DataFrame, rows: str, columns: str) -> dg.MarkdownMetadataValue:
-    """How many rows of `table` there are for each pair of values, as a small table."""
-    crossed = pd.crosstab(table[rows], table[columns], margins=True, margins_name="all")
-    return markdown(crossed.reset_index())
-
-
-def stored(table: pd.DataFrame, **metadata: Any) -> dg.MaterializeResult:
-    """A table as the value of its asset; the hash of its content is the data version."""
-    return dg.MaterializeResult(
-        value=table, metadata=metadata, data_version=dg.DataVersion(table_hash(table))
-    )

@@ -57,13 +57,13 @@ def unpack(packed: np.ndarray, resolution: int) -> np.ndarray:
 class KnownShapes(nn.Module):
     """Shapes to recall, each in eight orientations: 8n in all.
 
-    Shapes and what was felt are compared at C·C places in the middle half of the image.
+    Shapes and what was felt are compared at C·C cells in the middle half of the image.
 
     masks : (n, R, R) bool, in the first orientation
     models : (n,) str, whose masks they are; None where nobody asks
-    touch : (C², 8n), what a touch at each place adds to each shape's log-likelihood
-    free : (8n, C²/4), what each pixel that was seen free adds, for places in blocks of four
-    inside : (8n, C²), how much of each place lies inside the shape, 0–1
+    touch : (C², 8n), what a touch in each cell adds to each shape's log-likelihood
+    free : (8n, C²/4), what each pixel that was seen free adds, for cells in blocks of four
+    inside : (8n, C²), how much of each cell lies inside the shape, 0–1
     """
 
     touch: Tensor
@@ -74,7 +74,7 @@ class KnownShapes(nn.Module):
         super().__init__()
         self.masks, self.models = masks, models
         every = torch.from_numpy(masks).float()
-        within = -coarse(-every)  # places that lie inside as a whole
+        within = -coarse(-every)  # cells that lie inside as a whole
         covered = coarse(every).numpy() > 0
         cross = ndimage.generate_binary_structure(2, 1)[None]
         outlines = covered & ~ndimage.binary_erosion(covered, cross)
@@ -92,22 +92,23 @@ class KnownShapes(nn.Module):
         felt : (N, R, R), 1 at a touch, 0 where nothing is known, −1 where a ray has passed
         models : (N,) str; shapes of the model itself are not recalled
         """
-        touched = coarse((felt > 0).float()).flatten(1)
-        which, places = touched.nonzero(as_tuple=True)
+        touched = coarse((felt > 0).float()).flatten(1)  # (N, C²)
+        which, cells = touched.nonzero(as_tuple=True)  # (T,) each: every touch of every image
         firsts = torch.searchsorted(which, torch.arange(len(felt), device=felt.device))
-        evidence = functional.embedding_bag(places, self.touch, firsts, mode="sum")
+        evidence = functional.embedding_bag(cells, self.touch, firsts, mode="sum")  # (N, 8n)
+        # Pixels seen free in each block of 2×2 cells, (N, 1, C/2, C/2).
         passed = 4 * functional.avg_pool2d(coarse((felt < 0).float())[:, None], 2)
         evidence = (evidence + passed.flatten(1).to(self.free.dtype) @ self.free.T).float()
         if models is not None:
             assert self.models is not None
-            own = torch.from_numpy(models[:, None] == self.models).to(felt.device)
+            own = torch.from_numpy(models[:, None] == self.models).to(felt.device)  # (N, n)
             evidence = evidence.masked_fill(own.repeat(1, ORIENTATIONS), RULED_OUT)
         return torch.softmax(evidence, dim=1)
 
     def mean(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
         """The mean of the shapes by their weights, (N, R, R) in 0–1; arguments as of `weights`."""
         resolution = felt.shape[-1]
-        inside = self.weights(felt, models).to(self.inside.dtype) @ self.inside
+        inside = self.weights(felt, models).to(self.inside.dtype) @ self.inside  # (N, C²)
         side = int(inside.shape[1] ** 0.5)
         window = functional.interpolate(
             inside.reshape(len(felt), 1, side, side), size=(resolution // 2,) * 2
@@ -119,7 +120,7 @@ class KnownShapes(nn.Module):
 
         felt : (N, R, R) int8, as for `weights`
         """
-        reached = self.weights(torch.from_numpy(felt)).double().cumsum(dim=1)
+        reached = self.weights(torch.from_numpy(felt)).double().cumsum(dim=1)  # (N, 8n)
         # One draw for each of `count` equal parts: fewer chance repeats than independent ones.
         levels = (np.arange(count) + rng.random((len(reached), 1))) / count
         drawn = torch.searchsorted(reached, torch.from_numpy(levels) * reached[:, -1:]).numpy()

@@ -11,7 +11,8 @@ from typing import Any
 import dagster as dg
 
 from tactile_assets.definitions import defs
-from tactile_assets.resources import REPOSITORY, Store
+from tactile_assets.paths import REPOSITORY
+from tactile_assets.resources import Store
 
 # Smaller even than the smoke profile, where only the way through matters.
 TINY = {

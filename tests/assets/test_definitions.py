@@ -11,8 +11,8 @@ from tactile_assets.config import PROFILE
 from tactile_assets.dataset import MaskConfig
 from tactile_assets.definitions import defs
 from tactile_assets.exploration import PolicyConfig
+from tactile_assets.paths import REPOSITORY
 from tactile_assets.reconstruction import SearchConfig, UNetConfig
-from tactile_assets.resources import REPOSITORY
 from tactile_core.errors import TactileError
 from tactile_core.settings import MaskSettings
 from tests.assets.running import shell

@@ -21,10 +21,11 @@ def find_gains(
     miss or repeat are known to gain 0. Where it sees free space, the way there matters as well: it
     is asked about half as many rays that miss or repeat, and only the rays tried are known.
     """
-    owners, rays, hits, touches = explorations.try_candidates()
+    owners, rays, hits, touches = explorations.try_candidates()  # T = N · C rays
     new = touches >= 0
     some = rng.permutation(np.flatnonzero(new))
     ways = some[np.unique(touches[some], return_index=True)[1]]  # a ray for each new touch
+    # At most `tries` of each exploration, as indices into the T rays.
     tried = ways[first_of_each(owners[ways], rng.permutation(len(ways)), tries)]
     free_space = explorations.reconstructor.free_space
     if free_space:
@@ -32,10 +33,11 @@ def find_gains(
         order = rng.permutation(len(wasted))
         others = wasted[first_of_each(owners[wasted], order, tries // 2)]
         tried = np.concatenate([tried, others])
+    # (K, R, R) for the K rays tried, each on the touches held so far.
     felt = explorations.felt_after(owners[tried], rays[tried], hits[tried])
     predictions = explorations.reconstructor.predict(felt)
     gain = jaccard_index(predictions, explorations.masks[owners[tried]])
-    gain -= explorations.jaccard[owners[tried]]
+    gain -= explorations.jaccard[owners[tried]]  # (K,)
     gains, known = np.zeros(len(rays), np.float32), ~new
     if free_space:
         gains[tried], known = gain, np.isin(np.arange(len(rays)), tried)

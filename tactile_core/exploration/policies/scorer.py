@@ -118,7 +118,8 @@ def along_rays(images: Tensor) -> Tensor:
     where = torch.tensor(sample_pixels(resolution), device=images.device)
     samples = images.reshape(count * channels, -1).index_select(1, where)  # (N·C, rays·L)
     samples = samples.reshape(count, channels, ANGLES, OFFSETS, SAMPLES)
-    return samples.permute(0, 1, 4, 2, 3).flatten(1, 2).float() / 255
+    samples = samples.permute(0, 1, 4, 2, 3)  # (N, C, L, angles, offsets)
+    return samples.flatten(1, 2).float() / 255  # (N, C·L, angles, offsets)
 
 
 @functools.cache

@@ -1,0 +1,42 @@
+"""What assets say of themselves: who owns them, and what they stored."""
+
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from tactile_core.evaluation.tables import markdown_table
+from tactile_core.files import table_hash
+
+OWNERS = ["team:tactile-exploration"]
+
+
+def wing(group: str, io_manager: str = "tables") -> dict[str, Any]:
+    """What all assets of a wing say alike: their group, their owners, and how they are stored."""
+    return {"group_name": group, "owners": OWNERS, "io_manager_key": io_manager}
+
+
+def markdown(table: pd.DataFrame, digits: int = 2) -> dg.MarkdownMetadataValue:
+    """A small table as the UI shows it."""
+    words = table.map(lambda cell: f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell))
+    return dg.MetadataValue.md(markdown_table(words))
+
+
+def counts(table: pd.DataFrame, rows: str, columns: str) -> dg.MarkdownMetadataValue:
+    """How many rows of `table` there are for each pair of values, as a small table."""
+    crossed = pd.crosstab(table[rows], table[columns], margins=True, margins_name="all")
+    return markdown(crossed.reset_index())
+
+
+def stored(table: pd.DataFrame, **metadata: Any) -> dg.MaterializeResult:
+    """A table as the value of its asset; the hash of its content is the data version."""
+    return dg.MaterializeResult(
+        value=table, metadata=metadata, data_version=dg.DataVersion(table_hash(table))
+    )
+
+
+def set_aside(manifest: pd.DataFrame) -> dict[str, Any]:
+    """How many meshes could not be used and, where there are any, why the first of them."""
+    aside = manifest.loc[manifest["status"] != "ok", ["model_id", "category", "status"]]
+    reasons = {"reasons": markdown(aside.head(20))} if len(aside) else {}
+    return {"set_aside": len(aside), **reasons}
