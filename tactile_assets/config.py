@@ -12,7 +12,7 @@ from pydantic import ValidationError, create_model
 from pydantic.fields import FieldInfo
 
 from tactile_core.errors import TactileError
-from tactile_core.settings import Settings, active_profile
+from tactile_core.settings import Settings, active_profile, problems
 
 PROFILE = active_profile()
 
@@ -30,11 +30,7 @@ class StageConfig(dg.Config):
         try:
             super().__init__(**values)
         except ValidationError as error:
-            problems = [
-                f"{'.'.join(map(str, problem['loc']))} = {problem['input']!r}: {problem['msg']}"
-                for problem in error.errors()
-            ]
-            raise TactileError("; ".join(problems)) from error
+            raise TactileError(problems(error)) from error
 
 
 def defaults(settings: Settings) -> Callable[[type[AnyConfig]], type[AnyConfig]]:

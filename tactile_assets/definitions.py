@@ -47,6 +47,7 @@ defs = dg.Definitions(
         dataset.outlines,
         dataset.tactile_samples,
         reconstruction.unet_search,
+        *([reconstruction.practice_rays] if PROFILE.practice else []),
         reconstruction.unet,
         reconstruction.reconstruction_evaluation,
         exploration.policies,

@@ -36,8 +36,9 @@ EVALUATION: dict[str, Any] = {
     **wing("evaluation"),
 }
 TRAINED = ("unet", "policies")  # an evaluation is made anew where one of these is new
-PER_STEP = code_version("evaluation.protocols", PROFILE.per_step)
-PER_GRASP = code_version("evaluation.protocols", PROFILE.per_grasp)
+CODE = "evaluation.protocols", "exploration.policies.store"
+PER_STEP = code_version(*CODE, PROFILE.per_step)
+PER_GRASP = code_version(*CODE, PROFILE.per_grasp)
 
 
 @dg.asset(code_version=PER_STEP, automation_condition=after(*TRAINED), **EVALUATION)
@@ -102,7 +103,7 @@ def per_step(
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.inference import Reconstructor
 
-    trained = load_policies(policies, unet.resolution)
+    trained = load_policies(policies, unet.version(), unet.resolution)
     reconstructor = Reconstructor(unet)
     table = evaluate_per_step(trained, test, reconstructor, config, progress)
     runs = example_runs(table, trained, test, reconstructor, config)
@@ -129,7 +130,7 @@ def per_grasp(
     from tactile_core.exploration.policies.store import load_policies
     from tactile_core.reconstruction.inference import Reconstructor
 
-    trained = load_policies(policies, unet.resolution)
+    trained = load_policies(policies, unet.version(), unet.resolution)
     table = evaluate_per_grasp(trained, test, Reconstructor(unet), config, progress)
     return stored(table, **curve(table, "grasp", config, store, prefix))
 

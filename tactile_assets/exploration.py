@@ -1,7 +1,7 @@
 """Report, section VI: policies that choose where to touch next."""
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import dagster as dg
 import pandas as pd
@@ -11,6 +11,7 @@ from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import OWNERS, markdown
 from tactile_assets.resources import Store
+from tactile_assets.trainings import PlannedTraining
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table
 from tactile_core.settings import PolicySettings
@@ -19,20 +20,6 @@ from tactile_core.settings import PolicySettings
 @defaults(PROFILE.policies)
 class PolicyConfig(StageConfig, PolicySettings):
     """Training of the policies."""
-
-
-class PlannedTraining(NamedTuple):
-    """One policy to train, and once it is trained the version of its weights."""
-
-    approach: str
-    seed: int
-    settings: PolicySettings
-    version: str = ""
-
-    @property
-    def name(self) -> str:
-        """Name of the policy's directory."""
-        return f"{self.approach}-{self.seed}"
 
 
 @dg.op(out=dg.DynamicOut(PlannedTraining, description="One for each approach and seed."))
@@ -61,7 +48,8 @@ def plan_trainings(
     for approach in (recipe.name for recipe in recipes):
         for seed in dict.fromkeys(settings.seeds):
             yield dg.DynamicOutput(
-                PlannedTraining(approach, seed, settings), mapping_key=f"{approach}_{seed}"
+                PlannedTraining(approach=approach, seed=seed, settings=settings),
+                mapping_key=f"{approach}_{seed}",
             )
 
 
@@ -77,10 +65,11 @@ def train_policy(
     """Train one policy and store it; goes on from its checkpoint where it was interrupted."""
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.learning import train as core
+    from tactile_core.exploration.learning.approaches import find_approach
 
     try:
         version = core.train_policy(
-            training.approach,
+            find_approach(training.approach),
             training.seed,
             load_shapes(rotated_splits, outlines, "train"),
             unet,
@@ -91,7 +80,7 @@ def train_policy(
         )
     except TactileError as error:
         raise dg.Failure(str(error), allow_retries=False) from error
-    return training._replace(version=version)
+    return training.model_copy(update={"version": version})
 
 
 @dg.op(out=dg.Out(io_manager_key="policy_index"))
@@ -131,7 +120,9 @@ def policy_config(config: PolicyConfig) -> dict[str, Any]:
     group_name="exploration",
     kinds={"gymnasium", "stablebaselines3", "pytorch"},
     owners=OWNERS,
-    code_version=code_version("exploration.learning.train", PROFILE.policies),
+    code_version=code_version(
+        "exploration.learning.train", "exploration.learning.approaches", PROFILE.policies
+    ),
     config=policy_config,
 )
 def policies(

@@ -1,13 +1,14 @@
 """How asset values become files, in formats that a user can open without this code."""
 
 import json
-import pickle
+import re
 from typing import TYPE_CHECKING, Any
 
 import dagster as dg
 import pandas as pd
 from upath import UPath
 
+from tactile_assets.trainings import PlannedTraining
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, write_table, written_whole
 
@@ -59,21 +60,33 @@ class PolicyIndex(dg.UPathIOManager):
             names = json.loads((path / "index.json").read_bytes())
         except (FileNotFoundError, ValueError) as error:
             raise TactileError(f"{path} holds no trained policies: materialise policies") from error
+        if not isinstance(names, dict):
+            raise TactileError(f"{path}/index.json is damaged: materialise policies again")
         return [path / name for name in names]
 
 
 class Steps(dg.UPathIOManager):
-    """What the steps inside an asset hand each other, by run: small, and of no use afterwards.
+    """The trainings that the steps inside `policies` hand each other, by run, as JSON.
 
-    It lies in the store, so that steps may run on several machines.
+    They lie in the store, so that steps may run on several machines; of no use afterwards.
     """
 
-    def dump_to_path(self, context: dg.OutputContext, obj: Any, path: UPath) -> None:
-        with written_whole(path) as file:
-            pickle.dump(obj, file)
+    extension = ".json"
 
-    def load_from_path(self, context: dg.InputContext, path: UPath) -> Any:
-        return pickle.loads(path.read_bytes())
+    def dump_to_path(self, context: dg.OutputContext, obj: PlannedTraining, path: UPath) -> None:
+        with written_whole(path) as file:
+            file.write(obj.model_dump_json().encode())
+
+    def load_from_path(self, context: dg.InputContext, path: UPath) -> PlannedTraining:
+        try:
+            return PlannedTraining.model_validate_json(path.read_bytes())
+        except ValueError as error:
+            raise TactileError(f"{path} is damaged: materialise policies again") from error
+
+    def get_op_output_relative_path(self, context: dg.InputContext | dg.OutputContext) -> UPath:
+        """By run, step and output; a step's brackets would be a pattern to some file systems."""
+        parts = [re.sub(r"[^\w.-]+", "-", part) for part in context.get_identifier()]
+        return UPath("/".join(parts))
 
 
 def in_store(kind: type[dg.UPathIOManager], *parts: str) -> dg.IOManagerDefinition:

@@ -9,12 +9,18 @@ from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import markdown, stored, wing
 from tactile_assets.resources import Store
-from tactile_core.settings import SearchSettings, UNetSettings
+from tactile_core.files import read_table
+from tactile_core.settings import PracticeSettings, SearchSettings, UNetSettings
 
 
 @defaults(PROFILE.search)
 class SearchConfig(StageConfig, SearchSettings):
     """BOHB search over the U-Net's hyperparameters."""
+
+
+@defaults(PROFILE.practice or PracticeSettings())
+class PracticeConfig(StageConfig, PracticeSettings):
+    """A first U-Net and a ray scorer, whose rays the final U-Net learns from as well."""
 
 
 @defaults(PROFILE.unet)
@@ -63,10 +69,54 @@ def unet_search(
 
 
 @dg.asset(
+    kinds={"pytorch", "parquet"},
+    code_version=code_version("exploration.practice.practice", PROFILE.practice),
+    **wing("reconstruction"),
+)
+def practice_rays(
+    context: dg.AssetExecutionContext,
+    config: PracticeConfig,
+    store: Store,
+    rotated_splits: pd.DataFrame,
+    outlines: pd.DataFrame,
+    unet_search: pd.DataFrame,
+) -> dg.MaterializeResult:
+    """What the rays of a first, learned policy feel, for the final U-Net to learn from.
+
+    A U-Net meets the touches that policies make, and those are neither uniform nor random. So a
+    first U-Net is trained, then a ray scorer on it, and its rays and those of `coverage` on every
+    train sample are recorded, with a share of other rays among them.
+    """
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.exploration.practice.practice import practise
+    from tactile_core.reconstruction.search import with_best_trial
+
+    table = practise(
+        load_shapes(rotated_splits, outlines, "train"),
+        load_shapes(rotated_splits, outlines, "eval"),
+        with_best_trial(config, unet_search),
+        work=store.work("practice_rays"),
+        progress=context.log.info,
+    )
+    missed = table["touches"].map(lambda touches: (touches[:, 0] < 0).mean())
+    runs = (
+        table.assign(missed=100 * missed)
+        .groupby("sequence")
+        .agg(
+            policy=("policy", "first"),
+            strays=("strays", "first"),
+            missed_percent=("missed", "mean"),
+        )
+    )
+    return stored(table, sequences=len(table), runs=markdown(runs.reset_index()))
+
+
+@dg.asset(
     kinds={"pytorch", "safetensors"},
     code_version=code_version(
-        "reconstruction.training", "exploration.practice.practice", PROFILE.unet
+        "reconstruction.training", "exploration.practice.ray_touches", PROFILE.unet
     ),
+    deps=["practice_rays"] if PROFILE.practice else [],
     **wing("reconstruction", "unets"),
 )
 def unet(
@@ -82,13 +132,12 @@ def unet(
     A U-Net with the best settings of the search, trained to the end on touches that are drawn
     afresh all the time, half of them from the outline and half as rays make them, with early
     stopping on the eval split. With `free_space` it also sees where rays have passed; with
-    `known_shapes` the mean of the train shapes that agree with what was felt; with `practice` it
-    also learns from the rays of a first policy. A training that was killed goes on after its last
-    epoch.
+    `known_shapes` the mean of the train shapes that agree with what was felt; and where there are
+    `practice_rays`, a third of what it learns from is theirs. A training that was killed goes on
+    after its last epoch.
     """
     from tactile_core.dataset.shapes import load_shapes
-    from tactile_core.exploration.practice.practice import practise
-    from tactile_core.exploration.practice.ray_touches import rays_and_outlines
+    from tactile_core.exploration.practice.ray_touches import practised, rays_and_outlines
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.search import with_best_trial
@@ -96,14 +145,15 @@ def unet(
 
     work = store.work("unet")
     train = load_shapes(rotated_splits, outlines, "train")
-    evaluation = load_shapes(rotated_splits, outlines, "eval")
+    eval_shapes = load_shapes(rotated_splits, outlines, "eval")
     settings = with_best_trial(config, unet_search)
-    report = context.log.info
     practice = None
-    if settings.practice:
-        practice = practise(train, evaluation, settings, work=work / "practice", progress=report)
-    draw = rays_and_outlines(train, settings.seed, settings.free_space, practice)
-    trained = train_unet(train, evaluation, settings, work=work, draw=draw, progress=report)
+    if PROFILE.practice:
+        practice = practised(read_table(store.path("practice_rays.parquet")), train)
+    touches = rays_and_outlines(train, settings.seed, settings.free_space, practice)
+    trained = train_unet(
+        train, eval_shapes, settings, work=work, touches=touches, progress=context.log.info
+    )
     return dg.MaterializeResult(
         value=trained,
         data_version=dg.DataVersion(trained.version()),

@@ -1,20 +1,27 @@
-"""Checkpoints: the state of long work, so that a killed one goes on where it was."""
+"""Checkpoints: the state of long work, so that a killed one goes on where it was.
+
+They are read with torch's restricted loader, which knows tensors and plain values only: a file that
+somebody else put there can bring nothing else to life.
+"""
 
 import logging
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from tactile_core.files import written_whole
 
 logger = logging.getLogger(__name__)
 
+ARRAY = "numpy array"  # the key of a dict that stands for one
+
 
 def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
     """Write `state` whole, under the `key` of all inputs and settings that it belongs to."""
     with written_whole(path) as file:
-        torch.save({"key": key, "state": state}, file)
+        torch.save({"key": key, "state": plain(state)}, file)
 
 
 def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
@@ -22,10 +29,32 @@ def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
-        # Ours alone: arrays and generator states, which torch's restricted loader refuses.
-        saved = torch.load(path, map_location="cpu", weights_only=False)
-        found, state = saved["key"], saved["state"]
-    except Exception as error:  # a damaged pickle can bring about any
-        logger.warning("%s cannot be read (%s): the work starts over", path, error)
+        saved = torch.load(path, map_location="cpu", weights_only=True)
+        found, state = saved["key"], restored(saved["state"])
+    except Exception as error:  # a damaged file can bring about any
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        logger.warning("%s cannot be read (%s): the work starts over", path, reason)
         return None
     return state if found == key else None
+
+
+def plain(value: Any) -> Any:
+    """`value` with arrays as tensors and numpy's numbers as Python's, through all containers."""
+    if isinstance(value, dict):
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(map(plain, value))
+    if isinstance(value, np.ndarray):
+        return {ARRAY: torch.from_numpy(np.array(value))}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def restored(value: Any) -> Any:
+    """What `plain` was given."""
+    if isinstance(value, dict):
+        if set(value) == {ARRAY}:
+            return value[ARRAY].numpy()
+        return {name: restored(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(map(restored, value))
+    return value

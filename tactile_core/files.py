@@ -4,8 +4,10 @@ import contextlib
 import hashlib
 import io
 import os
+import tempfile
 import uuid
 from collections.abc import Iterator
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
@@ -21,19 +23,28 @@ from tactile_core.errors import TactileError
 def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
     """Open `path` for binary writing; it appears under its name only when the block succeeds.
 
-    It is written aside and moved: renamed on a disk, copied and deleted in an object store.
+    On a disk it is written aside and renamed. An object store has no rename, but an object there
+    appears when it has been sent: it is written on this machine first.
     """
     target = UPath(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    aside = target.with_name(f".{target.name}.{uuid.uuid4().hex}.part")
-    try:
+    if target.protocol in ("", "file", "local"):
+        local = Path(target.path)
+        local.parent.mkdir(parents=True, exist_ok=True)
+        # A name of its own, short whatever the target's is: file systems take 255 bytes.
+        aside = local.with_name(f".{uuid.uuid4().hex}.part")
+        try:
+            with aside.open("wb") as file:
+                yield file
+            aside.replace(local)
+        except BaseException:
+            aside.unlink(missing_ok=True)
+            raise
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        aside = Path(folder, "part")
         with aside.open("wb") as file:
             yield file
-        target.fs.mv(aside.path, target.path)
-    except BaseException:
-        with contextlib.suppress(FileNotFoundError):
-            aside.unlink()
-        raise
+        target.fs.put_file(str(aside), target.path)
 
 
 def write_table(table: pd.DataFrame, path: str | os.PathLike | UPath) -> None:

@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tactile_core.errors import TactileError
 
@@ -38,6 +38,14 @@ class Settings(BaseModel):
     """Base of all settings: read-only, and a misspelt field is refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def problems(error: ValidationError) -> str:
+    """What is wrong with settings, on one line that names each field and the value it was given."""
+    return "; ".join(
+        f"{'.'.join(map(str, problem['loc']))} = {problem['input']!r}: {problem['msg']}"
+        for problem in error.errors()
+    )
 
 
 class MeshSettings(Settings):
@@ -112,8 +120,8 @@ class SearchSettings(Settings):
     seed: int = SEED
 
 
-class UNetSettings(Settings):
-    """The final training of the reconstruction U-Net (report, section V).
+class NetSettings(Settings):
+    """A training of the reconstruction U-Net (report, section V).
 
     `learning_rate`, `batch_size`, `depth` and `channels` come from the best search trial
     unless they are given here.
@@ -133,20 +141,35 @@ class UNetSettings(Settings):
         False,
         description="Show the U-Net where rays have passed, too; the report's sees touches only.",
     )
+    seed: int = SEED
+
+
+class UNetSettings(NetSettings):
+    """The final training of the reconstruction U-Net (report, section V)."""
+
     known_shapes: bool = Field(
         False,
         description="Show the U-Net the mean of the train shapes that agree with what was felt, "
         "too.",
     )
-    practice: bool = Field(
-        False,
-        description="Train a first U-Net and a ray scorer, and learn from their rays as well.",
-    )
-    seed: int = SEED
 
 
-class PolicySettings(Settings):
-    """PPO training of the policies (report, section VI.B)."""
+class GainSettings(Settings):
+    """How a ray scorer learns what rays gain."""
+
+    gain_iterations: int = Field(400, ge=1, description="Iterations of learning gains.")
+    gain_states: int = Field(64, ge=1, description="Explorations stepped per iteration.")
+    gain_tries: int = Field(8, ge=1, description="Touches tried out in each exploration.")
+    gain_updates: int = Field(2, ge=1, description="Gradient steps per iteration.")
+    gain_learning_rate: float = Field(2e-3, gt=0, description="Peak rate of learning gains.")
+
+
+class PracticeSettings(NetSettings, GainSettings):
+    """A first U-Net and a ray scorer on it, whose rays the final U-Net learns from as well."""
+
+
+class PolicySettings(GainSettings):
+    """PPO training of the policies (report, section VI.B), and the learning of gains."""
 
     approaches: list[str] = Field(
         [], description="Training approaches, by name; empty: every one there is."
@@ -164,11 +187,6 @@ class PolicySettings(Settings):
         0.01, gt=0, description="Factor on rewards (Jaccard 0–100) before PPO sees them."
     )
     entropy: float = Field(0.01, ge=0, description="PPO entropy coefficient.")
-    gain_iterations: int = Field(400, ge=1, description="Iterations of learning gains.")
-    gain_states: int = Field(64, ge=1, description="Explorations stepped per iteration.")
-    gain_tries: int = Field(8, ge=1, description="Touches tried out in each exploration.")
-    gain_updates: int = Field(2, ge=1, description="Gradient steps per iteration.")
-    gain_learning_rate: float = Field(2e-3, gt=0, description="Peak rate of learning gains.")
 
 
 class EvaluationSettings(Settings):
@@ -199,6 +217,9 @@ class Profile(Settings):
     splits: SplitSettings = SplitSettings()
     touches: TouchSettings = TouchSettings()
     search: SearchSettings = SearchSettings()
+    practice: PracticeSettings | None = Field(
+        None, description="What `practice_rays` is made with; without it there is no such asset."
+    )
     unet: UNetSettings = UNetSettings()
     policies: PolicySettings = PolicySettings()
     per_step: EvaluationSettings = EvaluationSettings()
@@ -246,9 +267,8 @@ PROFILES = {
     "study": Profile(
         name="study",
         search=LAPTOP_SEARCH,
-        unet=UNetSettings(
-            epochs=60, patience=20, free_space=True, known_shapes=True, practice=True
-        ),
+        practice=PracticeSettings(epochs=30, patience=20, free_space=True),
+        unet=UNetSettings(epochs=60, patience=20, free_space=True, known_shapes=True),
         policies=PolicySettings(seeds=[0, 1, 2]),
         per_step=EvaluationSettings(deterministic=False),
     ),

@@ -85,20 +85,6 @@ def collect_meshes(
     return manifest
 
 
-def load_mesh(root: UPath, file: str) -> trimesh.Trimesh:
-    """The mesh at `file` below `root`, centred on its bounding box and scaled to diagonal 1.
-
-    Materials are not loaded. Raises `TactileError` where the mesh cannot be used.
-    """
-    path = root / file
-    try:
-        return parse_mesh(path.read_bytes(), path.suffix)
-    except FileNotFoundError as error:
-        raise TactileError(f"{path} is missing: materialise shapenet_meshes again") from error
-    except TactileError as error:
-        raise TactileError(f"{path} {error}: materialise shapenet_meshes again") from error
-
-
 def _find_meshes(
     settings: MeshSettings,
     cache: Path,

@@ -34,6 +34,11 @@ def render_real(
     masks = render_masks(manifest, root, mask_settings, progress=progress)
     looked_at = pd.concat([manifest, masks])[["model_id", "category", "status"]]
     files = manifest[["model_id", "file"]]
-    models = masks[masks["status"] == "ok"].drop(columns="mask").merge(files).assign(split="test")
+    models = (
+        masks[masks["status"] == "ok"]
+        .drop(columns=["mask", "key"])
+        .merge(files)
+        .assign(split="test")
+    )
     samples = rotate(models, root, mask_settings, split_settings, previous, progress)
     return samples, looked_at[looked_at["status"] != "ok"].reset_index(drop=True)

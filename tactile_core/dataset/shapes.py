@@ -1,5 +1,6 @@
 """The shapes of one split as arrays: what training and evaluation work on."""
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 
 from tactile_core.dataset.rendering.pictures import decode_masks
 from tactile_core.errors import TactileError
+from tactile_core.files import content_hash
 
 SPLITS = ("train", "eval", "test")
 
@@ -32,6 +34,16 @@ class Shapes:
     @property
     def resolution(self) -> int:
         return self.masks.shape[-1]
+
+    @functools.cached_property
+    def version(self) -> str:
+        """Hash of all that these shapes are (16 hex digits)."""
+        return content_hash(
+            self.masks.shape,
+            np.packbits(self.masks).tobytes(),
+            *(outline.tobytes() for outline in self.outlines),
+            *(names.tolist() for names in (self.sample_ids, self.model_ids, self.categories)),
+        )
 
     def select(self, indices: np.ndarray) -> "Shapes":
         """The shapes at `indices`, in that order."""

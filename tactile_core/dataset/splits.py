@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from upath import UPath
 
-from tactile_core.dataset.rendering.silhouettes import EMPTY, draw
+from tactile_core.dataset.rendering.silhouettes import EMPTY, draw, mask_keys
 from tactile_core.dataset.seeds import generator, name_hash
 from tactile_core.errors import TactileError
 from tactile_core.settings import MaskSettings, SplitSettings
@@ -21,6 +21,7 @@ COLUMNS = [
     "content_hash",
     "resolution",
     "mask",
+    "key",
 ]
 
 
@@ -75,7 +76,7 @@ def rotate_splits(
     workers: int | None = None,
 ) -> pd.DataFrame:
     """Every model at `rotations` random angles, rendered anew: sample_id, model_id, category,
-    split, rotation, content_hash, resolution, mask.
+    split, rotation, content_hash, resolution, mask, key.
 
     The geometry is rotated, in the image plane, rather than the pixels. A model's angles depend
     on the seed and its id only. Samples of `previous` (an earlier result) that have not changed
@@ -131,7 +132,9 @@ def rotate(
             raise TactileError(
                 f"{file} can no longer be rendered ({mask}): materialise masks again"
             )
-    samples = samples.assign(mask=pd.Series(drawn, dtype=object))
+    samples = samples.assign(
+        mask=pd.Series(drawn, dtype=object), key=mask_keys(samples, mask_settings.resolution)
+    )
     empty = samples["mask"] == EMPTY
     if empty.any():
         first = samples.loc[empty, "sample_id"].iloc[0]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,17 @@ DrawTouches = Callable[[np.random.Generator, np.ndarray], tuple[np.ndarray, np.n
 # Draws what was felt of the shapes at `indices` (B,): images (B, R, R) int8, 1 at a touch, 0
 # where nothing is known and, for a U-Net that sees free space, −1 where a ray has passed.
 DrawFelt = Callable[[np.random.Generator, np.ndarray], np.ndarray]
+
+
+class TouchSource(NamedTuple):
+    """Where the touches come from that a U-Net is trained with.
+
+    key : of all that `draw` draws from, beyond the train shapes themselves
+    """
+
+    draw: DrawFelt
+    key: str
+
 
 FEWEST, MOST = 1, 10  # touches held, as the report trains (section V)
 ORIENTATIONS = 8

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,9 @@ from ray.tune.search.bohb import TuneBOHB
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction.trial import run_trial
-from tactile_core.settings import SearchSettings, UNetSettings
+from tactile_core.settings import NetSettings, SearchSettings
+
+AnyNetSettings = TypeVar("AnyNetSettings", bound=NetSettings)
 
 # Without these Ray writes a token and its own loggers' files into the user's home.
 QUIET_RAY = {
@@ -65,7 +67,7 @@ def search_unet(
     return table
 
 
-def with_best_trial(settings: UNetSettings, search: pd.DataFrame) -> UNetSettings:
+def with_best_trial(settings: AnyNetSettings, search: pd.DataFrame) -> AnyNetSettings:
     """`settings` with every empty hyperparameter taken from the trial with the lowest loss."""
     best = search.loc[search["loss"].idxmin()]
     found = {

@@ -15,9 +15,10 @@ from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash
+from tactile_core.keys import work_key
 from tactile_core.reconstruction.batches import (
     DrawFelt,
+    TouchSource,
     draw_touch_sets,
     felt_outlines,
     training_batches,
@@ -161,7 +162,7 @@ def train_unet(
     settings: UNetSettings,
     *,
     work: Path,
-    draw: DrawFelt | None = None,
+    touches: TouchSource | None = None,
     progress: Callable[[str], None] = lambda message: None,
 ) -> TrainedUNet:
     """Train to the end and return the weights of the epoch with the lowest eval loss.
@@ -170,7 +171,7 @@ def train_unet(
     `search.with_best_trial`). The rate warms up over the first epoch and then falls along
     a cosine. `work` receives TensorBoard curves and a checkpoint after each epoch: a
     training killed and started again with equal inputs goes on where it was, to the same
-    result. `draw` replaces the uniform draw of outline touches; it must draw free
+    result. `touches` replaces the uniform draw of outline touches; it must draw free
     space too where `settings.free_space` is set.
     """
     rate, batch_size, depth, channels = required(settings)
@@ -181,9 +182,14 @@ def train_unet(
         known = KnownShapes(unpack(packed, train.resolution), models)
     training = begin_training(depth, channels, rate, settings.seed, known)
     touch_sets = draw_touch_sets(eval_shapes, np.random.default_rng(settings.seed))
-    drawn = draw.__qualname__ if draw else None
-    key = content_hash(
-        settings.model_dump(), drawn, train.masks.tobytes(), eval_shapes.masks.tobytes()
+    touches = touches or TouchSource(felt_outlines(train), key="outlines")
+    key = work_key(
+        "reconstruction.training",
+        settings=settings,
+        seed=settings.seed,
+        train=train.version,
+        eval=eval_shapes.version,
+        touches=touches.key,
     )
     checkpoint = work / "checkpoint.pt"
     curve: list[dict[str, float]] = []
@@ -198,7 +204,7 @@ def train_unet(
             progress(f"U-Net: no better eval loss for {settings.patience} epochs, stopping")
             break
         loss = train_epoch(
-            training, train, batch_size, draw,
+            training, train, batch_size, touches.draw,
             before_batch=lambda share, epoch=epoch: set_rate(  # type: ignore[misc]
                 training, rate, epoch - 1 + share, settings.epochs
             ),

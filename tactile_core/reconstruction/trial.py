@@ -10,7 +10,7 @@ from ray import tune
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.files import content_hash
+from tactile_core.keys import work_key
 from tactile_core.reconstruction.batches import draw_touch_sets
 from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
 from tactile_core.settings import SearchSettings
@@ -68,7 +68,12 @@ def run_trial(
 def trial_key(
     config: dict[str, Any], train: Shapes, eval_shapes: Shapes, settings: SearchSettings
 ) -> str:
-    """Hash of everything that a trial's result depends on."""
-    tried = {name: repr(value) for name, value in sorted(config.items())}
-    budget = settings.seed, settings.samples_per_epoch
-    return content_hash(tried, budget, train.masks.tobytes(), eval_shapes.masks.tobytes())
+    """The key of everything that a trial's result depends on, however many epochs it may have."""
+    tried = {name: repr(value) for name, value in config.items()}
+    return work_key(
+        "reconstruction.trial",
+        settings={**tried, "samples_per_epoch": settings.samples_per_epoch},
+        seed=settings.seed,
+        train=train.version,
+        eval=eval_shapes.version,
+    )

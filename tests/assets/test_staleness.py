@@ -20,13 +20,15 @@ def stale(platform: Platform, definitions: dg.Definitions) -> set[str]:
     return {asset for asset in ALL if resolver.get_status(dg.AssetKey(asset)) != StaleStatus.FRESH}
 
 
-def with_another_setting_of_unet() -> dg.Definitions:
-    """The definitions as they load with one setting of the U-Net changed in the profile."""
-    changed = PROFILE.unet.model_copy(update={"patience": PROFILE.unet.patience + 1})
+def with_patience(patience: int) -> dg.Definitions:
+    """The definitions as they load with this setting of the U-Net in the profile."""
+    changed = PROFILE.unet.model_copy(update={"patience": patience})
 
     def update(spec: dg.AssetSpec) -> dg.AssetSpec:
         return spec.replace_attributes(
-            code_version=code_version("reconstruction.training", changed)
+            code_version=code_version(
+                "reconstruction.training", "exploration.practice.ray_touches", changed
+            )
         )
 
     return defs.map_resolved_asset_specs(func=update, selection="unet")
@@ -37,7 +39,8 @@ def test_nothing_is_stale_after_a_run(chain):
 
 
 def test_a_changed_setting_makes_its_own_asset_stale_and_nothing_upstream(chain):
-    assert stale(chain, with_another_setting_of_unet()) == {"unet"}
+    assert stale(chain, with_patience(PROFILE.unet.patience)) == set()
+    assert stale(chain, with_patience(PROFILE.unet.patience + 1)) == {"unet"}
 
 
 def test_another_unet_makes_what_lies_downstream_stale(chain, tmp_path):

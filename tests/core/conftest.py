@@ -75,7 +75,7 @@ def free_space_reconstructor(shapes, tmp_path_factory) -> Reconstructor:
             free_space=True,
         ),
         work=tmp_path_factory.mktemp("unet"),
-        draw=rays_and_outlines(train, seed=0, free_space=True),
+        touches=rays_and_outlines(train, seed=0, free_space=True),
     )  # fmt: skip
     return Reconstructor(trained, precision="float32")
 

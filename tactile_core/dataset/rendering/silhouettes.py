@@ -15,12 +15,13 @@ import numpy as np
 import pandas as pd
 from upath import UPath
 
-from tactile_core.dataset.meshes import load_mesh
 from tactile_core.dataset.rendering import opengl
 from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.dataset.rendering.rasteriser import rasterise
+from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import TactileError
+from tactile_core.keys import work_key
 from tactile_core.settings import MaskSettings
 
 EMPTY = "no pixel lies inside its silhouette"
@@ -45,7 +46,8 @@ def render_masks(
     progress: Callable[[str], None] = lambda message: None,
     workers: int | None = None,
 ) -> pd.DataFrame:
-    """The mask of every usable mesh: model_id, category, content_hash, resolution, status, mask.
+    """The mask of every usable mesh: model_id, category, content_hash, resolution, status, mask and
+    key, see `mask_keys`.
 
     meshes : the manifest; meshes whose status is not "ok" are left out
     root : the folder that the manifest's files are relative to
@@ -56,8 +58,6 @@ def render_masks(
     reason and its mask is null. Raises `TactileError` where no mask is left.
     """
     wanted = meshes.loc[meshes["status"] == "ok"].reset_index(drop=True).assign(rotation=0.0)
-    if previous is not None:
-        previous = previous.assign(rotation=0.0)
     if settings.renderer == "auto" and opengl.working_platform() is None:
         progress(
             "no OpenGL here: the software rasteriser renders the masks, with equal pixels "
@@ -73,6 +73,7 @@ def render_masks(
         resolution=settings.resolution,
         status=["ok" if isinstance(mask, bytes) else mask for mask in drawn],
         mask=pd.Series([m if isinstance(m, bytes) else None for m in drawn], dtype=object),
+        key=mask_keys(wanted, settings.resolution),
     )
 
 
@@ -87,16 +88,14 @@ def draw(
     """For each row of `wanted` (model_id, content_hash, file, rotation) the mask as PNG bytes,
     or the reason why there is none.
 
-    Rows that `previous` holds with the same content hash, rotation and resolution are taken
-    from there, and their meshes are not even loaded.
+    Rows that `previous` holds under the same key are taken from there, and their meshes are not
+    even loaded.
     """
-    resolution = settings.resolution
-    keys = list(zip(wanted["model_id"], wanted["content_hash"], wanted["rotation"], strict=True))
-    drawn: dict[tuple[str, str, float], bytes | str] = {}
-    if previous is not None:
-        same = previous[previous["mask"].notna() & (previous["resolution"] == resolution)]
-        known = zip(same["model_id"], same["content_hash"], same["rotation"], strict=True)
-        drawn = dict(zip(known, same["mask"], strict=True))
+    keys = mask_keys(wanted, settings.resolution)
+    drawn: dict[str, bytes | str] = {}
+    if previous is not None and "key" in previous:
+        same = previous[previous["mask"].notna()]
+        drawn = dict(zip(same["key"], same["mask"], strict=True))
     missing = [key not in drawn for key in keys]
     if any(missing):
         files = wanted[missing].groupby("file", sort=False)["rotation"]
@@ -107,11 +106,24 @@ def draw(
             for job, masks in zip(jobs, results, strict=True)
             for rotation, mask in zip(job.rotations, masks, strict=True)
         }
-        for key, file, absent in zip(keys, wanted["file"], missing, strict=True):
-            if absent:
-                drawn[key] = new[file, key[2]]
+        rows = zip(keys, wanted["file"], wanted["rotation"], missing, strict=True)
+        drawn |= {key: new[file, rotation] for key, file, rotation, absent in rows if absent}
     progress(f"{sum(missing)} masks rendered, {len(keys) - sum(missing)} unchanged")
     return [drawn[key] for key in keys]
+
+
+def mask_keys(wanted: pd.DataFrame, resolution: int) -> list[str]:
+    """What each mask depends on: its mesh, its rotation, and the code that renders it.
+
+    Not the renderer, as both give equal pixels.
+    """
+    settings = {"resolution": resolution}
+    return [
+        work_key("dataset.rendering.silhouettes", settings=settings, mesh=mesh, rotation=rotation)
+        for mesh, rotation in zip(
+            wanted["content_hash"], wanted["rotation"].map(float.hex), strict=True
+        )
+    ]
 
 
 def render_jobs(

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import trimesh
+from upath import UPath
 
 from tactile_core.dataset.sources.archives import one_line
 from tactile_core.dataset.sources.obj import read_obj
@@ -41,6 +42,20 @@ def parse_mesh(data: bytes, suffix: str) -> trimesh.Trimesh:
         raise TactileError("has no extent" if diagonal == 0 else "is too large to measure")
     vertices = (vertices - (low + high) / 2) / diagonal
     return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def load_mesh(root: UPath, file: str) -> trimesh.Trimesh:
+    """The mesh at `file` below `root`, centred on its bounding box and scaled to diagonal 1.
+
+    Materials are not loaded. Raises `TactileError` where the mesh cannot be used.
+    """
+    path = root / file
+    try:
+        return parse_mesh(path.read_bytes(), path.suffix)
+    except FileNotFoundError as error:
+        raise TactileError(f"{path} is missing: materialise shapenet_meshes again") from error
+    except TactileError as error:
+        raise TactileError(f"{path} {error}: materialise shapenet_meshes again") from error
 
 
 def _read(data: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:

@@ -4,22 +4,9 @@ An approach is one entry of `APPROACHES`. PPO trains each stage for `steps_per_s
 going on from the policy of the stage before.
 """
 
-from dataclasses import dataclass
-from typing import Literal
-
 from tactile_core.errors import TactileError
+from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.world.rewards import DIFF, TOTAL, Stage, diff, total
-
-
-@dataclass(frozen=True)
-class Approach:
-    """A named training recipe: PPO through `stages`, or learning the gains of rays."""
-
-    name: str
-    description: str
-    stages: tuple[Stage, ...] = ()
-    learner: Literal["ppo", "gains"] = "ppo"
-
 
 APPROACHES: dict[str, Approach] = {
     approach.name: approach

@@ -18,7 +18,7 @@ from tactile_core.exploration.policies.scorer import RayScorer, ray_values, scor
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor, best_device
-from tactile_core.settings import PolicySettings
+from tactile_core.settings import GainSettings
 
 CURVE = ("loss", "reward", "jaccard", "touches")
 # One unit of value at the first ray, in Jaccard points. Later rays add less, about as one over
@@ -36,7 +36,7 @@ def train_scorer(
     seed: int,
     train: Shapes,
     reconstructor: Reconstructor,
-    settings: PolicySettings,
+    settings: GainSettings,
     *,
     key: str,
     work: Path,
@@ -75,7 +75,7 @@ class GainLearner:
     """A scorer in training: explorations under way, what they taught, and the net."""
 
     def __init__(
-        self, seed: int, train: Shapes, reconstructor: Reconstructor, settings: PolicySettings
+        self, seed: int, train: Shapes, reconstructor: Reconstructor, settings: GainSettings
     ) -> None:
         torch.manual_seed(seed)
         self.settings = settings

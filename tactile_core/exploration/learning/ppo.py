@@ -13,7 +13,7 @@ from stable_baselines3.common.logger import Logger, configure
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.exploration.learning.approaches import Approach
+from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.policies.features import WindowCNN
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 from tactile_core.reconstruction.inference import Reconstructor, best_device

@@ -1,31 +1,41 @@
-"""Training one policy and storing it: its weights, its curve and its settings."""
+"""Training one policy and storing it; a finished training is kept as long as its key holds."""
 
 import io
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import safetensors.torch
 import torch
 from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.exploration.learning.approaches import find_approach
+from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.learning.gain_learner import train_scorer
 from tactile_core.exploration.learning.ppo import train_ppo
-from tactile_core.exploration.policies.store import PPO_FILE, SCORER_FILE
-from tactile_core.files import content_hash, write_table, written_whole
+from tactile_core.exploration.policies.ppo import net_weights
+from tactile_core.exploration.policies.store import (
+    FOR_SB3,
+    StoredPolicy,
+    describe,
+    read_weights,
+    save_policy,
+    weights_version,
+)
+from tactile_core.files import written_whole
+from tactile_core.keys import work_key
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES, pack
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.settings import PolicySettings
+from tactile_core.settings import GainSettings, PolicySettings
 from tactile_core.threads import one_thread
+
+NOT_OF_THE_TRAINING = {"approaches", "seeds"}  # which policies there are, not what each is
+OF_GAINS = set(GainSettings.model_fields)
 
 
 def train_policy(
-    approach: str,
+    approach: Approach,
     seed: int,
     train: Shapes,
     unet: TrainedUNet,
@@ -37,45 +47,73 @@ def train_policy(
 ) -> str:
     """Train `approach` with `seed` on the train shapes and store it in `directory`.
 
-    Returns a hash of the policy's weights. `directory` receives policy.zip (an SB3 PPO) or
-    policy.safetensors (a ray scorer, and the shapes that `recall` knows), curve.parquet and, last,
-    settings.json; `work` holds TensorBoard curves and the checkpoint of a training under way.
-    Raises `TactileError` for an unknown approach.
+    Returns a hash of the policy's weights. `directory` receives what `policies.store` describes;
+    one that holds the finished training of the same key is left as it is. `work` holds TensorBoard
+    curves and the checkpoint of a training under way.
     """
-    recipe = find_approach(approach)
-    own = settings.model_dump(exclude={"approaches", "seeds"})
-    key = content_hash(approach, seed, own, unet.version(), train.masks.tobytes())
-    remembered = pack(train.masks)
-    train, reconstructor = shapes_to_learn_from(train, unet)
-    if recipe.learner == "gains":
-        with one_thread():
+    title = f"{approach.name} seed {seed}"
+    key = training_key(approach, seed, train, unet, settings)
+    if (kept := finished(directory, key)) is not None:
+        progress(f"{title}: kept, as nothing that it depends on has changed")
+        return kept
+    some, reconstructor = shapes_to_learn_from(train, unet)
+    with one_thread():
+        if approach.learner == "gains":
             net, curve = train_scorer(
-                f"{approach} seed {seed}", seed, train, reconstructor, settings,
+                title, seed, some, reconstructor, settings, key=key, work=work, progress=progress
+            )
+            tensors = net.state_dict() | {PACKED_SHAPES: torch.from_numpy(pack(train.masks))}
+        else:
+            model, curve = train_ppo(
+                approach, seed, some, reconstructor, settings,
                 key=key, work=work, progress=progress,
             )  # fmt: skip
-        weights = net.state_dict() | {PACKED_SHAPES: torch.from_numpy(remembered)}
-        stored, name = safetensors.torch.save(weights), SCORER_FILE
-    else:
-        with one_thread():
-            model, curve = train_ppo(
-                recipe, seed, train, reconstructor, settings, key=key, work=work, progress=progress
-            )
-        weights = model.policy.state_dict()
-        zipped = io.BytesIO()
-        model.save(zipped)
-        stored, name = zipped.getvalue(), PPO_FILE
-    version = content_hash(*(value.cpu().numpy().tobytes() for value in weights.values()))
-    description = {
-        "approach": approach, "learner": recipe.learner, "seed": seed, "settings": own,
-        "unet": unet.version(), "resolution": unet.resolution, "version": version,
-    }  # fmt: skip
-    with written_whole(directory / name) as file:
-        file.write(stored)
-    write_table(curve, directory / "curve.parquet")
-    with written_whole(directory / "settings.json") as file:
-        file.write(json.dumps(description, indent=2).encode())
+            tensors = net_weights(model.policy)
+            zipped = io.BytesIO()
+            model.save(zipped)
+            with written_whole(directory / FOR_SB3) as file:
+                file.write(zipped.getvalue())
+    tensors = {name: value.cpu().contiguous() for name, value in tensors.items()}
+    description = StoredPolicy(
+        approach=approach.name,
+        learner=approach.learner,
+        seed=seed,
+        settings=settings,
+        resolution=unet.resolution,
+        unet=unet.version(),
+        key=key,
+        version=weights_version(tensors),
+    )
+    save_policy(directory, description, tensors, curve)
     (work / "checkpoint.pt").unlink(missing_ok=True)
-    return version
+    return description.version
+
+
+def training_key(
+    approach: Approach, seed: int, train: Shapes, unet: TrainedUNet, settings: PolicySettings
+) -> str:
+    """The key of all that a training depends on; PPO's settings do not concern a ray scorer, nor
+    a ray scorer's PPO."""
+    others = set(PolicySettings.model_fields) - OF_GAINS
+    concerned = OF_GAINS if approach.learner == "gains" else others - NOT_OF_THE_TRAINING
+    return work_key(
+        "exploration.learning.train",
+        settings=settings.model_dump(include=concerned),
+        seed=seed,
+        approach=approach.version,
+        unet=unet.version(),
+        train=train.version,
+    )
+
+
+def finished(directory: UPath, key: str) -> str | None:
+    """The version of the policy in `directory`, if it was trained under this key and is whole."""
+    try:
+        description = describe(directory)
+        read_weights(directory, description)
+    except TactileError:
+        return None
+    return description.version if description.key == key else None
 
 
 def shapes_to_learn_from(train: Shapes, unet: TrainedUNet) -> tuple[Shapes, Reconstructor]:

@@ -1,32 +1,79 @@
 """A policy that PPO trained: draws alpha and beta from two heads (report, section VI.B)."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from gymnasium import spaces
+from stable_baselines3.common.policies import ActorCriticCnnPolicy, ActorCriticPolicy
+from torch import Tensor
 
+from tactile_core.exploration.policies.features import WindowCNN
 from tactile_core.exploration.world.circle import report_order
 from tactile_core.exploration.world.state import Explorations
+
+CHANNELS = 2  # of an observation: the reconstruction and the touches held
+
+
+def observation_space(resolution: int) -> spaces.Box:
+    """What a policy sees: (2, R, R) uint8, 0–255."""
+    return spaces.Box(0, 255, (CHANNELS, resolution, resolution), np.uint8)
+
+
+def action_space(resolution: int) -> spaces.MultiDiscrete:
+    """What it answers: alpha and beta, each an index into `circle.report_circle`."""
+    return spaces.MultiDiscrete([len(report_order(resolution))] * 2)
+
+
+def untrained_net(resolution: int) -> ActorCriticCnnPolicy:
+    """SB3's CnnPolicy as `learning.ppo` trains it, to load weights into."""
+    return ActorCriticCnnPolicy(
+        observation_space(resolution),
+        action_space(resolution),
+        lr_schedule=lambda progress: 0.0,  # it is not trained any further
+        features_extractor_class=WindowCNN,
+    )
+
+
+def net_weights(net: ActorCriticPolicy) -> dict[str, Tensor]:
+    """Its parameters by name, each once: SB3's state dict names a shared extractor three times."""
+    return {name: weights.detach() for name, weights in net.named_parameters()}
+
+
+def net_with(weights: Mapping[str, Tensor], resolution: int) -> ActorCriticCnnPolicy:
+    """The net that `net_weights` was taken from, ready to choose.
+
+    Raises `KeyError` or `RuntimeError` where names or shapes are others.
+    """
+    net = untrained_net(resolution)
+    own = dict(net.named_parameters())
+    if set(own) != set(weights):
+        raise KeyError("these are not the weights of a policy that PPO trained")
+    with torch.no_grad():
+        for name, values in own.items():
+            values.copy_(weights[name])
+    net.set_training_mode(False)
+    return net
 
 
 class PPOPolicy:
     """A policy that PPO trained on the report's environment."""
 
-    def __init__(self, name: str, seed: int, model: PPO) -> None:
+    def __init__(self, name: str, seed: int, net: ActorCriticPolicy) -> None:
         self.name = name
         self.seed = seed
-        self.model = model
+        self.net = net
 
     @torch.no_grad()
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
     ) -> np.ndarray:
-        observations = torch.from_numpy(explorations.observations()).to(self.model.device)
-        distribution = self.model.policy.get_distribution(observations)
+        observations = torch.from_numpy(explorations.observations()).to(self.net.device)
+        distribution = self.net.get_distribution(observations)
         heads: Any = distribution.distribution  # one categorical each for alpha and beta
-        logits = [head.logits.cpu().numpy() for head in heads]
+        logits = [head.logits.cpu().numpy() for head in heads]  # two of (N, P)
         if not deterministic:
             logits = [some + rng.gumbel(size=some.shape) for some in logits]
-        actions = np.stack([some.argmax(axis=1) for some in logits], axis=1)
+        actions = np.stack([some.argmax(axis=1) for some in logits], axis=1)  # (N, 2)
         return report_order(explorations.resolution)[actions]

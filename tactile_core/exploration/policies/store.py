@@ -1,73 +1,142 @@
-"""Trained policies as files: the one place that writes and reads them."""
+"""Trained policies as files: the one place that writes and reads them.
 
-import io
+A policy is a directory: `policy.safetensors`, `curve.parquet` and, last, `settings.json`, which
+says what the weights are. Beside those of PPO lies `policy.zip` for users of Stable-Baselines3; it
+is a pickle, and never read back.
+"""
+
 import json
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Literal
 
+import pandas as pd
 import safetensors.torch
+from pydantic import ValidationError
 from safetensors import SafetensorError
-from stable_baselines3 import PPO
+from torch import Tensor
 from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.base import Policy
-from tactile_core.exploration.policies.ppo import PPOPolicy
+from tactile_core.exploration.policies.ppo import PPOPolicy, net_with
 from tactile_core.exploration.policies.recall import RecallPolicy, load_known_shapes
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
+from tactile_core.files import content_hash, write_table, written_whole
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES
+from tactile_core.settings import PolicySettings, Settings, problems
 
-PPO_FILE = "policy.zip"
-SCORER_FILE = "policy.safetensors"
+WEIGHTS, CURVE, DESCRIPTION = "policy.safetensors", "curve.parquet", "settings.json"
+FOR_SB3 = "policy.zip"
 
 
-def load_policies(directories: Iterable[UPath], resolution: int) -> list[Policy]:
+class StoredPolicy(Settings):
+    """What a policy's files say of it.
+
+    key : that it was trained under, see `keys`; unet : version of the U-Net that it was trained
+    with; version : hash of its weights
+    """
+
+    approach: str
+    learner: Literal["ppo", "gains"]
+    seed: int
+    settings: PolicySettings
+    resolution: int
+    unet: str
+    key: str
+    version: str
+
+
+def weights_version(tensors: Mapping[str, Tensor]) -> str:
+    """Hash of names, types, shapes and values of tensors (16 hex digits)."""
+    return content_hash(safetensors.torch.save(dict(tensors)))
+
+
+def save_policy(
+    directory: UPath, description: StoredPolicy, tensors: Mapping[str, Tensor], curve: pd.DataFrame
+) -> None:
+    """Write weights, training curve and, last, the description."""
+    with written_whole(directory / WEIGHTS) as file:
+        file.write(safetensors.torch.save(dict(tensors)))
+    write_table(curve, directory / CURVE)
+    with written_whole(directory / DESCRIPTION) as file:
+        file.write(description.model_dump_json(indent=2).encode())
+
+
+def describe(directory: UPath) -> StoredPolicy:
+    """What is stored in `directory`; raises `TactileError` where it is missing or damaged."""
+    try:
+        return StoredPolicy(**json.loads((directory / DESCRIPTION).read_bytes()))
+    except FileNotFoundError as error:
+        raise TactileError(f"{directory} holds no policy: materialise policies first") from error
+    except ValidationError as error:
+        raise damaged(directory, problems(error)) from error
+    except (ValueError, TypeError) as error:
+        raise damaged(directory, str(error)) from error
+
+
+def read_weights(directory: UPath, description: StoredPolicy) -> dict[str, Tensor]:
+    """The tensors that `description` speaks of; raises `TactileError` where they are others."""
+    try:
+        tensors = safetensors.torch.load((directory / WEIGHTS).read_bytes())
+    except FileNotFoundError as error:
+        raise TactileError(f"{directory} holds no policy: materialise policies first") from error
+    except (ValueError, SafetensorError) as error:
+        raise damaged(directory, str(error)) from error
+    if weights_version(tensors) != description.version:
+        raise TactileError(
+            f"{directory}: weights and settings are of two trainings: materialise policies again"
+        )
+    return tensors
+
+
+def load_policies(directories: Iterable[UPath], unet: str, resolution: int) -> list[Policy]:
     """The policies stored in each of `directories`: the trained one and, where that is a ray
     scorer, `recall` as well, which needs no training of its own.
 
-    Raises `TactileError` where one is missing, damaged or made for another resolution.
+    unet, resolution : version and resolution of the U-Net that they are to be used with
+
+    Raises `TactileError` where one is missing, damaged or trained with another U-Net.
     """
-    return [policy for directory in directories for policy in stored_in(directory, resolution)]
+    return [
+        policy for directory in directories for policy in stored_in(directory, unet, resolution)
+    ]
 
 
-def stored_in(directory: UPath, resolution: int) -> list[Policy]:
-    try:
-        description = json.loads((directory / "settings.json").read_bytes())
-        stored = (directory / (SCORER_FILE if is_scorer(description) else PPO_FILE)).read_bytes()
-        load = scorer_policies if is_scorer(description) else ppo_policies
-        policies = load(description, stored)
-        trained_at = description["resolution"]
-    except FileNotFoundError as error:
-        raise TactileError(f"{directory} holds no policy: materialise policies first") from error
-    except (ValueError, KeyError, RuntimeError, SafetensorError) as error:
-        raise TactileError(f"{directory} is damaged: materialise policies again") from error
-    if trained_at != resolution:
+def stored_in(directory: UPath, unet: str, resolution: int) -> list[Policy]:
+    description = describe(directory)
+    if description.resolution != resolution:
         raise TactileError(
-            f"{directory} was trained at resolution {trained_at}, the U-Net is at "
+            f"{directory} was trained at resolution {description.resolution}, the U-Net is at "
             f"{resolution}: materialise policies again"
         )
-    return policies
+    if description.unet != unet:
+        raise TactileError(
+            f"{directory} was trained with another U-Net than the one that is stored: materialise "
+            "policies again"
+        )
+    tensors = read_weights(directory, description)
+    load = {"ppo": ppo_policies, "gains": scorer_policies}[description.learner]
+    try:
+        return load(description, tensors)
+    except (KeyError, RuntimeError) as error:  # tensors of other names or shapes
+        raise damaged(directory, str(error).splitlines()[0]) from error
 
 
-def scorer_policies(description: dict[str, Any], stored: bytes) -> list[Policy]:
-    tensors = safetensors.torch.load(stored)
-    known = load_known_shapes(
-        tensors.pop(PACKED_SHAPES).numpy().tobytes(), description["resolution"]
-    )
+def scorer_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> list[Policy]:
+    packed = tensors.pop(PACKED_SHAPES).numpy().tobytes()
+    known = load_known_shapes(packed, description.resolution)
     net = RayScorer().to(best_device()).eval()
     net.load_state_dict(tensors)
-    approach, seed = description["approach"], description["seed"]
+    approach, seed = description.approach, description.seed
     recall = "recall" if approach == "gain" else f"recall_{approach}"
     return [ScorerPolicy(approach, seed, net), RecallPolicy(recall, seed, net, known)]
 
 
-def ppo_policies(description: dict[str, Any], stored: bytes) -> list[Policy]:
-    model = PPO.load(io.BytesIO(stored), device=best_device())
-    model.policy.set_training_mode(False)
-    return [PPOPolicy(description["approach"], description["seed"], model)]
+def ppo_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> list[Policy]:
+    net = net_with(tensors, description.resolution).to(best_device())
+    return [PPOPolicy(description.approach, description.seed, net)]
 
 
-def is_scorer(description: dict[str, Any]) -> bool:
-    """Whether the stored policy is a ray scorer; else it is a PPO."""
-    return bool(description["learner"] == "gains")
+def damaged(directory: UPath, reason: str) -> TactileError:
+    return TactileError(f"{directory} is damaged ({reason}): materialise policies again")

@@ -10,22 +10,22 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from upath import UPath
 
-from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.learning.gain_learner import train_scorer
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.references import find_reference
 from tactile_core.exploration.policies.scorer import ScorerPolicy
-from tactile_core.exploration.practice.ray_touches import RaySequences, rays_and_outlines
+from tactile_core.exploration.practice.ray_touches import rays_and_outlines
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
-from tactile_core.files import content_hash
+from tactile_core.keys import work_key
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet, save_unet
 from tactile_core.reconstruction.training import train_unet
-from tactile_core.settings import PolicySettings, UNetSettings
+from tactile_core.settings import NetSettings, PracticeSettings, UNetSettings
 
 
 class Practice(NamedTuple):
@@ -38,66 +38,75 @@ class Practice(NamedTuple):
 def practise(
     train: Shapes,
     eval_shapes: Shapes,
-    settings: UNetSettings,
+    settings: PracticeSettings,
     *,
     work: Path,
     progress: Callable[[str], None] = lambda message: None,
-) -> RaySequences:
-    """Train a first U-Net for half of the epochs, a ray scorer on it, and record their rays.
+) -> pd.DataFrame:
+    """Train a first U-Net, a ray scorer on it, and record their rays on every train sample.
 
-    `settings` as for `train_unet`; the first U-Net knows no shapes, or what it is to practise on
-    would be known to it. `work` receives the checkpoints of both trainings, the first U-Net and the
-    sequences themselves: practice that was killed goes on where it was.
+    `settings` must name learning rate, batch size, depth and channels, as for `train_unet`. `work`
+    receives the first U-Net and the checkpoints of both trainings: practice that was killed goes
+    on where it was.
+
+    Rows: sample_id, sequence (from 0), policy, strays (0–1, the share of its rays that any other
+    replaced), rays (RAYS, 2) int16 (alpha, beta) and touches (RAYS, 2) int16 (row, column), which
+    are (−1, −1) for a miss.
     """
-    scorer_settings = PolicySettings()
-    key = content_hash(
-        settings.model_dump(), scorer_settings.model_dump(),
-        train.masks.tobytes(), eval_shapes.masks.tobytes(),
-    )  # fmt: skip
-    finished = work / "sequences.pt"
-    saved = load_checkpoint(finished, key)
-    if saved:
-        return RaySequences(**saved)
-    unet = first_unet(train, eval_shapes, settings, key, work / "unet", progress)
+    unet = first_unet(train, eval_shapes, settings, work / "unet", progress)
     reconstructor = Reconstructor(unet)
     net, _ = train_scorer(
-        "practice: gain", settings.seed, train, reconstructor, scorer_settings,
-        key=content_hash(key, unet.version()), work=work / "gain", progress=progress,
+        "practice: gain", settings.seed, train, reconstructor, settings,
+        key=work_key(
+            "exploration.learning.gain_learner", settings=settings, seed=settings.seed,
+            unet=unet.version(), train=train.version,
+        ),
+        work=work / "gain", progress=progress,
     )  # fmt: skip
     gain = ScorerPolicy("gain", settings.seed, net.eval())
     coverage = find_reference("coverage")
     practices = [Practice(gain, strays) for strays in (0, 0.1, 0.2, 0.4)]
     practices += [Practice(coverage, strays) for strays in (0.1, 0.2)]
     rng = np.random.default_rng(settings.seed)
-    recorded = []
-    for number, some in enumerate(practices, start=1):
-        recorded.append(record(some, train, reconstructor, rng))
-        progress(f"practice: {number}/{len(practices)} runs recorded, {some.policy.name}")
-    sequences = RaySequences(*(np.stack(arrays, axis=1) for arrays in zip(*recorded, strict=True)))
-    save_checkpoint(finished, key, sequences._asdict())
-    shutil.rmtree(work / "unet")
-    (work / "gain" / "checkpoint.pt").unlink(missing_ok=True)
-    return sequences
+    tables = []
+    for number, some in enumerate(practices):
+        rays, touches = record(some, train, reconstructor, rng)
+        table = pd.DataFrame({"sample_id": train.sample_ids, "sequence": number})
+        tables.append(
+            table.assign(
+                policy=some.policy.name,
+                strays=float(some.strays),
+                rays=pd.Series(list(rays.astype(np.int16)), dtype=object),
+                touches=pd.Series(list(touches), dtype=object),
+            )
+        )
+        progress(f"practice: {number + 1}/{len(practices)} runs recorded, {some.policy.name}")
+    shutil.rmtree(work)
+    return pd.concat(tables, ignore_index=True)
 
 
 def first_unet(
     train: Shapes,
     eval_shapes: Shapes,
-    settings: UNetSettings,
-    key: str,
+    settings: PracticeSettings,
     work: Path,
     progress: Callable[[str], None],
 ) -> TrainedUNet:
-    """The U-Net to practise on: trained for half of the epochs, and kept in `work` under `key`."""
+    """The U-Net to practise on, kept in `work` until practice is over.
+
+    It knows no shapes: else what it is to practise on would be known to it.
+    """
+    net_settings = UNetSettings(**settings.model_dump(include=set(NetSettings.model_fields)))
+    touches = rays_and_outlines(train, settings.seed, settings.free_space)
+    key = work_key(
+        "reconstruction.training", settings=net_settings, seed=settings.seed,
+        train=train.version, eval=eval_shapes.version, touches=touches.key,
+    )  # fmt: skip
     kept = UPath(work / key)
     if (kept / "settings.json").exists():
         return load_unet(kept)
-    half = settings.model_copy(
-        update={"epochs": max(1, settings.epochs // 2), "known_shapes": False}
-    )
     unet = train_unet(
-        train, eval_shapes, half, work=work,
-        draw=rays_and_outlines(train, settings.seed, settings.free_space),
+        train, eval_shapes, net_settings, work=work, touches=touches,
         progress=lambda message: progress(f"practice: {message}"),
     )  # fmt: skip
     save_unet(unet, kept)

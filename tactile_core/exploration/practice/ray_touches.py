@@ -7,11 +7,15 @@ from the outline. A part of each batch stays uniform, as in the report (section 
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.references import GOLDEN, towards_middle
 from tactile_core.exploration.world.rays import RAYS, candidate_rays, cast_rays, mark_free
-from tactile_core.reconstruction.batches import DrawFelt, outline_touches, touch_images
+from tactile_core.files import content_hash
+from tactile_core.keys import work_key
+from tactile_core.reconstruction.batches import TouchSource, outline_touches, touch_images
 
 SEQUENCES = 8  # of each kind for each shape
 
@@ -26,10 +30,37 @@ class RaySequences(NamedTuple):
     rays: np.ndarray
     touches: np.ndarray
 
+    @property
+    def version(self) -> str:
+        """Hash of all rays and touches (16 hex digits)."""
+        return content_hash(self.rays.shape, self.rays.tobytes(), self.touches.tobytes())
+
+
+def practised(practice_rays: pd.DataFrame, shapes: Shapes) -> RaySequences:
+    """The rays that `practise` recorded, in the order of `shapes`.
+
+    Raises `TactileError` where they were recorded on other samples.
+    """
+    table = practice_rays.set_index(["sample_id", "sequence"])
+    wanted = pd.MultiIndex.from_product(
+        [shapes.sample_ids, sorted(practice_rays["sequence"].unique())]
+    )
+    if len(wanted) != len(table) or not wanted.isin(table.index).all():
+        raise TactileError(
+            "practice_rays were recorded on other train samples than those in rotated_splits: "
+            "materialise practice_rays again"
+        )
+    table = table.loc[wanted]
+    shape = len(shapes), -1, RAYS, 2
+    return RaySequences(
+        np.stack(table["rays"].to_list()).astype(int).reshape(shape),  # (N, S, RAYS, 2)
+        np.stack(table["touches"].to_list()).astype(np.int16).reshape(shape),
+    )
+
 
 def rays_and_outlines(
     shapes: Shapes, seed: int, free_space: bool, practice: RaySequences | None = None
-) -> DrawFelt:
+) -> TouchSource:
     """Draws images of outline touches, of what plain rays felt, and of `practice` if there is
     any: as many of each.
 
@@ -56,7 +87,13 @@ def rays_and_outlines(
             images -= free_images(rays, points, by_rays, shapes.resolution)
         return images
 
-    return draw
+    key = work_key(
+        "exploration.practice.ray_touches",
+        settings={"free_space": free_space},
+        seed=seed,
+        practice=practice.version if practice else "none",
+    )
+    return TouchSource(draw, key)
 
 
 def free_images(

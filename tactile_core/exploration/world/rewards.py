@@ -23,15 +23,18 @@ def diff(cast: Cast) -> np.ndarray:
     return cast.jaccard - cast.jaccard_before
 
 
-def penalised(reward: Reward) -> Reward:
-    """`reward`, but −10 in its place for a ray that misses or repeats a touch."""
+@dataclass(frozen=True)
+class Penalised:
+    """`reward`, but −10 in its place for a ray that misses or repeats a touch.
 
-    def with_penalty(cast: Cast) -> np.ndarray:
+    No closure: stages travel to other processes with the environments that hold them.
+    """
+
+    reward: Reward
+
+    def __call__(self, cast: Cast) -> np.ndarray:
         wasted = cast.missed | cast.repeated
-        return np.where(wasted, np.float32(PENALTY), reward(cast))
-
-    with_penalty.__name__ = f"penalised_{reward.__name__}"
-    return with_penalty
+        return np.where(wasted, np.float32(PENALTY), self.reward(cast))
 
 
 @dataclass(frozen=True)
@@ -46,5 +49,5 @@ class Stage:
     ends: Literal["rays", "touches"] = "rays"
 
 
-DIFF = Stage(penalised(diff))
-TOTAL = Stage(penalised(total))
+DIFF = Stage(Penalised(diff))
+TOTAL = Stage(Penalised(total))

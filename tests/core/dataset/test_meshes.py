@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from upath import UPath
 
-from tactile_core.dataset.meshes import collect_meshes, load_mesh
+from tactile_core.dataset.meshes import collect_meshes
+from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings
 from tests.core.dataset.mesh_files import (

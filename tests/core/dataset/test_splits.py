@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from upath import UPath
 
-from tactile_core.dataset.meshes import load_mesh
 from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.pictures import decode_masks
 from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.rendering.silhouettes import EMPTY, render_masks
+from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.dataset.splits import rotate_splits, split_models
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, table_hash, write_table

@@ -12,6 +12,7 @@ from tactile_core.evaluation.protocols import (
     policy_rng,
     record_rollout,
 )
+from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.learning.train import train_policy
 from tactile_core.exploration.policies.references import REFERENCES, find_reference
 from tactile_core.exploration.policies.store import Policy, load_policies
@@ -33,10 +34,10 @@ def trained(shapes, unet, tmp_path_factory) -> list[Policy]:
     directories = [UPath(folder) / f"total-{seed}" for seed in (0, 1)]
     for seed, directory in enumerate(directories):
         train_policy(
-            "total", seed, shapes["train"], unet, quick,
+            find_approach("total"), seed, shapes["train"], unet, quick,
             directory=directory, work=folder / "work" / str(seed),
         )  # fmt: skip
-    return load_policies(directories, 64)
+    return load_policies(directories, unet.version(), 64)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tactile_core.errors import TactileError
-from tactile_core.reconstruction.batches import ORIENTATIONS, draw_touch_sets
+from tactile_core.reconstruction.batches import ORIENTATIONS, TouchSource, draw_touch_sets
 from tactile_core.reconstruction.known_shapes import KnownShapes, unpack
 from tactile_core.reconstruction.training import (
     begin_training,
@@ -158,7 +158,7 @@ def test_touches_can_be_drawn_some_other_way(train, small_shapes, tmp_path):
         return felt
 
     one = QUICK.model_copy(update={"epochs": 1})
-    trained = train(one, draw=corner)
+    trained = train(one, touches=TouchSource(corner, "corner"))
     assert sorted(asked) == list(range(len(small_shapes["train"])))
     assert trained.version() != train(one, work=tmp_path / "usual").version()
 

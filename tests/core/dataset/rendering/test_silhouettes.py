@@ -4,12 +4,12 @@ import pytest
 import trimesh
 from upath import UPath
 
-from tactile_core.dataset.meshes import load_mesh
 from tactile_core.dataset.rendering import opengl
 from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.pictures import decode_masks
 from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.rendering.silhouettes import EMPTY, render_masks
+from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, table_hash, write_table
 from tactile_core.settings import MaskSettings
@@ -67,7 +67,9 @@ def without_opengl(monkeypatch):
 def test_every_usable_mesh_gets_the_mask_of_its_geometry(root):
     meshes = write_meshes(root)
     masks = render_masks(meshes, root, SETTINGS)
-    assert list(masks) == ["model_id", "category", "content_hash", "resolution", "status", "mask"]
+    assert list(masks) == [
+        "model_id", "category", "content_hash", "resolution", "status", "mask", "key",
+    ]  # fmt: skip
     assert masks["model_id"].tolist() == meshes["model_id"].tolist()
     assert set(masks["status"]) == {"ok"}
     for file, mask in zip(meshes["file"], decode_masks(masks["mask"]), strict=True):

@@ -3,7 +3,7 @@
 import pytest
 import trimesh
 
-from tactile_core.dataset.meshes import load_mesh
+from tactile_core.dataset.sources.parsing import load_mesh
 from tests.core.dataset.mesh_files import (
     BOTTLE,
     MUG,

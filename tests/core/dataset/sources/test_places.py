@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from upath import UPath
 
-from tactile_core.dataset.meshes import load_mesh
+from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings

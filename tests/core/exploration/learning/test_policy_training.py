@@ -14,12 +14,15 @@ from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import gain_learner, ppo
+from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.learning.approaches import APPROACHES, find_approach
 from tactile_core.exploration.learning.ppo import train_ppo
 from tactile_core.exploration.learning.train import shapes_to_learn_from, train_policy
+from tactile_core.exploration.policies.ppo import PPOPolicy
 from tactile_core.exploration.policies.references import find_reference
-from tactile_core.exploration.policies.store import PPOPolicy, load_policies
+from tactile_core.exploration.policies.store import load_policies
 from tactile_core.exploration.world.circle import circle_pixels, report_circle
+from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import read_table
 from tactile_core.reconstruction.inference import Reconstructor
@@ -38,7 +41,10 @@ QUICK = PolicySettings(
     gain_tries=2,
     gain_updates=1,
 )
-FILE = {"ppo": "policy.zip", "gains": "policy.safetensors"}
+FILES = {
+    "ppo": {"policy.safetensors", "policy.zip", "curve.parquet", "settings.json"},
+    "gains": {"policy.safetensors", "curve.parquet", "settings.json"},
+}
 
 
 class PowerCutError(Exception):
@@ -51,7 +57,7 @@ def train(shapes, unet, tmp_path):
 
     def run(approach, name="policy", seed=0, settings=QUICK, **options):
         return train_policy(
-            approach,
+            find_approach(approach),
             seed,
             shapes["train"],
             unet,
@@ -78,9 +84,7 @@ def test_a_policy_is_stored_with_its_curve_and_settings(train, unet, tmp_path, a
     version = train(approach, seed=3)
     stored = tmp_path / "policy"
     learner = find_approach(approach).learner
-    assert {path.name for path in stored.iterdir()} == {
-        FILE[learner], "curve.parquet", "settings.json",
-    }  # fmt: skip
+    assert {path.name for path in stored.iterdir()} == FILES[learner]
     about = json.loads((stored / "settings.json").read_text())
     assert (about["approach"], about["seed"], about["resolution"]) == (approach, 3, 64)
     assert (about["version"], about["unet"]) == (version, unet.version())
@@ -100,7 +104,7 @@ def test_a_training_leaves_pytorch_the_threads_it_had(train):
         torch.set_num_threads(before)
 
 
-def test_a_second_ray_scorer_has_a_recall_of_its_own(train, tmp_path, monkeypatch):
+def test_a_second_ray_scorer_has_a_recall_of_its_own(train, unet, tmp_path, monkeypatch):
     own = dataclasses.replace(find_approach("gain"), name="gain_too")
     monkeypatch.setitem(APPROACHES, "gain_too", own)
     for approach in ("gain", "gain_too"):
@@ -108,7 +112,7 @@ def test_a_second_ray_scorer_has_a_recall_of_its_own(train, tmp_path, monkeypatc
     names = [
         policy.name
         for approach in ("gain", "gain_too")
-        for policy in load_policies([UPath(tmp_path) / approach], 64)
+        for policy in load_policies([UPath(tmp_path) / approach], unet.version(), 64)
     ]
     assert names == ["gain", "recall", "gain_too", "recall_gain_too"]
 
@@ -244,8 +248,8 @@ def test_a_stored_policy_casts_the_rays_of_the_trained_one(
         key="", work=tmp_path / "direct", progress=print,
     )  # fmt: skip
     train("total")
-    trained = PPOPolicy("total", 0, model)
-    [stored] = load_policies([UPath(tmp_path) / "policy"], 64)
+    trained = PPOPolicy("total", 0, model.policy)
+    [stored] = load_policies([UPath(tmp_path) / "policy"], unet.version(), 64)
     assert (stored.name, stored.seed) == ("total", 0)
     for deterministic in (True, False):
         rays = [
@@ -255,24 +259,26 @@ def test_a_stored_policy_casts_the_rays_of_the_trained_one(
         np.testing.assert_array_equal(*rays)
 
 
-def test_a_trained_policy_acts_as_stable_baselines_would(train, explorations, tmp_path):
+def test_a_trained_policy_acts_as_stable_baselines_would(train, unet, explorations, tmp_path):
     train("diff")
     model = PPO.load(tmp_path / "policy" / "policy.zip")
-    [policy] = load_policies([UPath(tmp_path) / "policy"], 64)
+    [policy] = load_policies([UPath(tmp_path) / "policy"], unet.version(), 64)
     actions, _ = model.predict(explorations.observations(), deterministic=True)
     rays = policy.choose(explorations, np.random.default_rng(0), deterministic=True)
     np.testing.assert_array_equal(circle_pixels(64)[rays], report_circle(64)[actions])
 
 
-def test_stochastic_rays_are_drawn_with_the_policy_s_probabilities(train, explorations, tmp_path):
+def test_stochastic_rays_are_drawn_with_the_policy_s_probabilities(
+    train, unet, explorations, tmp_path
+):
     settings = QUICK.model_copy(update={"entropy": 0.0, "learning_rate": 3e-3, "epochs": 8})
     train("pre_diff_miss", settings=settings)
-    [policy] = load_policies([UPath(tmp_path) / "policy"], 64)
+    [policy] = load_policies([UPath(tmp_path) / "policy"], unet.version(), 64)
     one = explorations.select(np.zeros(100, int))
     rng = np.random.default_rng(0)
     draws = np.concatenate([policy.choose(one, rng, deterministic=False) for _ in range(20)])
     seen = torch.from_numpy(one.observations()[:1])
-    heads = policy.model.policy.get_distribution(seen).distribution
+    heads = policy.net.get_distribution(seen).distribution
     for end, head in enumerate(heads):
         probabilities = head.probs[0].detach().numpy()
         pixels = circle_pixels(64)[draws[:, end]]
@@ -281,9 +287,9 @@ def test_stochastic_rays_are_drawn_with_the_policy_s_probabilities(train, explor
         assert (np.abs(counts - 2000 * probabilities) < 5 * spread + 5).all()
 
 
-def test_the_random_generator_alone_decides_stochastic_rays(train, explorations, tmp_path):
+def test_the_random_generator_alone_decides_stochastic_rays(train, unet, explorations, tmp_path):
     train("diff")
-    [policy] = load_policies([UPath(tmp_path) / "policy"], 64)
+    [policy] = load_policies([UPath(tmp_path) / "policy"], unet.version(), 64)
     rays = [
         policy.choose(explorations, np.random.default_rng(seed), deterministic=False)
         for seed in (0, 0, 1)
@@ -293,25 +299,102 @@ def test_the_random_generator_alone_decides_stochastic_rays(train, explorations,
 
 
 @pytest.mark.parametrize("approach", ["diff", "gain"])
-def test_a_policy_of_another_resolution_is_refused(train, tmp_path, approach):
+def test_a_policy_of_another_resolution_is_refused(train, unet, tmp_path, approach):
     train(approach)
     with pytest.raises(TactileError, match="trained at resolution 64, the U-Net is at 128"):
-        load_policies([UPath(tmp_path) / "policy"], 128)
+        load_policies([UPath(tmp_path) / "policy"], unet.version(), 128)
 
 
 @pytest.mark.parametrize("approach", ["diff", "gain"])
-def test_missing_and_damaged_policies_are_told_in_one_line(train, tmp_path, approach):
+def test_missing_and_damaged_policies_are_told_in_one_line(train, unet, tmp_path, approach):
     train(approach)
     directory = UPath(tmp_path) / "policy"
-    for name in (FILE[find_approach(approach).learner], "settings.json"):
+    for name in ("policy.safetensors", "settings.json"):
         whole = (directory / name).read_bytes()
-        for damaged in (b"", b"{}", whole[: len(whole) // 2], None):
+        for damaged in (b"", b"{}", b"[1]", b"null", whole[: len(whole) // 2], None):
             (directory / name).unlink()
             if damaged is not None:
                 (directory / name).write_bytes(damaged)
             with pytest.raises(TactileError, match="materialise policies") as refused:
-                load_policies([directory], 64)
+                load_policies([directory], unet.version(), 64)
             assert str(directory) in str(refused.value)
             assert "\n" not in str(refused.value)
             (directory / name).write_bytes(whole)
-    load_policies([directory], 64)
+    load_policies([directory], unet.version(), 64)
+
+
+def test_a_finished_training_is_kept_and_one_that_differs_in_anything_is_not(
+    train, shapes, unet, tmp_path
+):
+    def said(**options) -> bool:
+        """Whether the policy was kept."""
+        messages = []
+        train("total", progress=messages.append, **options)
+        return any("kept" in message for message in messages)
+
+    assert not said()
+    assert said()
+    assert said(settings=QUICK.model_copy(update={"seeds": [0, 1], "gain_tries": 3}))
+    assert not said(settings=QUICK.model_copy(update={"entropy": 0.02}))
+    assert not said(seed=1)
+    assert said(seed=1)
+    (tmp_path / "policy" / "policy.safetensors").write_bytes(b"damaged")
+    assert not said(seed=1)
+
+
+def test_another_approach_in_the_list_leaves_the_trainings_of_others(monkeypatch):
+    def bold(cast):
+        return cast.jaccard**2
+
+    def shy(cast):
+        return cast.jaccard / 2
+
+    approaches = [Approach("own", "Any.", (Stage(reward),)) for reward in (bold, shy, bold)]
+    assert approaches[0].version == approaches[2].version != approaches[1].version
+    described = dataclasses.replace(approaches[0], description="In other words.")
+    assert described.version == approaches[0].version
+    longer = dataclasses.replace(approaches[0], stages=(Stage(bold), Stage(bold, ends="touches")))
+    assert longer.version != approaches[0].version
+    before = find_approach("diff").version
+    monkeypatch.setitem(APPROACHES, "own", approaches[0])
+    assert find_approach("diff").version == before
+
+
+def test_weights_under_the_settings_of_another_training_are_refused(train, unet, tmp_path):
+    train("total", "one")
+    train("total", "other", seed=1)
+    stored = tmp_path / "other" / "policy.safetensors"
+    (tmp_path / "one" / "policy.safetensors").write_bytes(stored.read_bytes())
+    with pytest.raises(TactileError, match="weights and settings are of two trainings"):
+        load_policies([UPath(tmp_path) / "one"], unet.version(), 64)
+
+
+def test_one_flipped_bit_in_the_weights_is_found(train, unet, tmp_path):
+    train("gain")
+    file = tmp_path / "policy" / "policy.safetensors"
+    flipped = bytearray(file.read_bytes())
+    flipped[-1000] ^= 1
+    file.write_bytes(flipped)
+    with pytest.raises(TactileError, match="materialise policies again"):
+        load_policies([UPath(tmp_path) / "policy"], unet.version(), 64)
+
+
+def test_a_policy_of_another_unet_is_refused(train, tmp_path):
+    train("diff")
+    with pytest.raises(TactileError, match="trained with another U-Net"):
+        load_policies([UPath(tmp_path) / "policy"], "another", 64)
+
+
+@pytest.mark.parametrize("field", ["approach", "learner", "seed", "settings", "unet", "version"])
+@pytest.mark.parametrize("value", [None, [1], {"a": 1}])
+def test_a_description_with_something_else_in_it_is_told_in_one_line(
+    train, unet, tmp_path, field, value
+):
+    directory = UPath(tmp_path) / "policy"
+    directory.mkdir()
+    text = {"approach": "diff", "learner": "ppo", "seed": 0, "settings": {}, "resolution": 64,
+            "unet": "", "key": "", "version": "", field: value}  # fmt: skip
+    (directory / "settings.json").write_text(json.dumps(text))
+    with pytest.raises(TactileError, match="materialise policies again") as refused:
+        load_policies([directory], unet.version(), 64)
+    assert "\n" not in str(refused.value)

@@ -18,7 +18,9 @@ from tactile_core.exploration.world.rays import cast_rays, mark_free
 def test_images_show_touches_on_the_outline_and_free_space_off_the_shape(shapes, seed):
     train = shapes["train"]
     indices = np.random.default_rng(seed).integers(len(train), size=64)
-    felt = rays_and_outlines(train, seed, free_space=True)(np.random.default_rng(seed), indices)
+    felt = rays_and_outlines(train, seed, free_space=True).draw(
+        np.random.default_rng(seed), indices
+    )
     assert (felt.shape, felt.dtype) == ((64, 64, 64), np.int8)
     assert set(np.unique(felt)) == {-1, 0, 1}
     for image, index in zip(felt, indices, strict=True):
@@ -30,11 +32,11 @@ def test_images_show_touches_on_the_outline_and_free_space_off_the_shape(shapes,
 
 def test_half_of_the_images_are_of_rays_and_only_those_show_free_space(shapes):
     indices = np.zeros(2000, int)
-    draw = rays_and_outlines(shapes["train"], 0, free_space=True)
+    draw = rays_and_outlines(shapes["train"], 0, free_space=True).draw
     felt = draw(np.random.default_rng(0), indices)
     by_rays = (felt == -1).any(axis=(1, 2))
     assert 900 < by_rays.sum() < 1100
-    blind = rays_and_outlines(shapes["train"], 0, free_space=False)
+    blind = rays_and_outlines(shapes["train"], 0, free_space=False).draw
     np.testing.assert_array_equal(blind(np.random.default_rng(0), indices), felt == 1)
 
 
@@ -53,7 +55,9 @@ def test_free_space_is_what_the_rays_of_a_sequence_passed(shapes):
             if end[0] >= 0:
                 felt[0, end[0], end[1]] = 1
             possible.add((felt - free.astype(np.int8)).tobytes())
-    drawn = rays_and_outlines(train, 5, free_space=True)(np.random.default_rng(0), np.full(50, 3))
+    drawn = rays_and_outlines(train, 5, free_space=True).draw(
+        np.random.default_rng(0), np.full(50, 3)
+    )
     by_rays = [image.tobytes() for image in drawn if (image == -1).any()]
     assert len(by_rays) > 10
     assert set(by_rays) <= possible

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_core.exploration.world.rewards import diff, penalised, total
+from tactile_core.exploration.world.rewards import Penalised, diff, total
 from tactile_core.exploration.world.state import Cast
 
 jaccards = st.lists(st.floats(0, 100, width=32), min_size=1, max_size=12)
@@ -42,4 +42,4 @@ def test_a_penalty_of_ten_replaces_the_reward_of_a_miss_or_a_repeat(
 ):
     for cast in casts(jaccard, missed, repeated):
         expected = -10 if missed or repeated else reward(cast)[0]
-        assert penalised(reward)(cast)[0] == expected
+        assert Penalised(reward)(cast)[0] == expected

@@ -1,0 +1,25 @@
+"""What an approach is: a training recipe (report, section VI.B). `approaches` lists them.
+
+They stand apart: one more approach in the list leaves the trainings of all others as they are.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tactile_core.exploration.world.rewards import Stage
+from tactile_core.keys import value_version
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A named training recipe: PPO through `stages`, or learning the gains of rays."""
+
+    name: str
+    description: str
+    stages: tuple[Stage, ...] = ()
+    learner: Literal["ppo", "gains"] = "ppo"
+
+    @property
+    def version(self) -> str:
+        """The version of its stages and rewards (12 hex digits); words do not count."""
+        return value_version((self.name, self.learner, self.stages))

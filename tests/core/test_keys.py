@@ -1,0 +1,247 @@
+"""Keys: what was made before is taken for what would be made now only where nothing differs."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import tactile_core
+from tactile_core import keys
+from tactile_core.keys import closure, code_version, value_version, work_key
+from tactile_core.settings import UNetSettings
+
+words = st.text("abc", min_size=1, max_size=4)
+parts = st.fixed_dictionaries(
+    {
+        "settings": st.dictionaries(words, st.integers() | words | st.none(), max_size=4),
+        "seed": st.integers(0, 9),
+        "inputs": st.dictionaries(words, words, max_size=3),
+    }
+)
+
+
+def key_of(part) -> str:
+    return work_key(
+        "dataset.outlines", settings=part["settings"], seed=part["seed"], **part["inputs"]
+    )
+
+
+@given(one=parts, other=parts)
+def test_keys_are_equal_where_all_parts_are_and_nowhere_else(one, other):
+    assert (key_of(one) == key_of(other)) == (one == other)
+
+
+@given(part=parts)
+def test_the_order_in_which_parts_are_named_does_not_matter(part):
+    turned = {
+        name: dict(reversed(value.items())) if isinstance(value, dict) else value
+        for name, value in part.items()
+    }
+    assert key_of(turned) == key_of(part)
+
+
+def test_settings_count_by_name_and_value():
+    one, other = UNetSettings(epochs=3), UNetSettings(patience=3)
+    made = [work_key("dataset.splits", settings=some) for some in (one, other, one)]
+    assert made[0] == made[2] != made[1]
+
+
+def test_code_of_different_modules_has_different_versions():
+    assert code_version("dataset.splits") != code_version("dataset.outlines")
+    with pytest.raises(AssertionError, match=r"there is no tactile_core\.nowhere"):
+        code_version("nowhere")
+
+
+def test_imports_are_followed_inside_functions_and_through_packages():
+    followed = closure(["tactile_core.exploration.practice.practice"])
+    assert "tactile_core.dataset.seeds" in followed
+    assert "tactile_core.reconstruction.known_shapes" in followed
+    assert "tactile_core.exploration" in followed
+    assert not any("figures" in module for module in followed)
+
+
+def test_the_versions_of_the_libraries_that_compute_count(monkeypatch):
+    found = dict(keys.libraries(closure(["tactile_core.dataset.outlines"])))
+    assert {"numpy", "scipy"} <= set(found)
+    assert "torch" not in found
+    before = code_version.__wrapped__("dataset.outlines")
+    monkeypatch.setattr(keys, "installed_version", lambda library: "another")
+    assert code_version.__wrapped__("dataset.outlines") != before
+
+
+SCALE = 2
+
+
+def helper(x):
+    return SCALE * x
+
+
+def first(x):
+    """Words."""
+    return helper(x)
+
+
+def test_a_function_counts_with_the_functions_and_constants_that_it_names(monkeypatch):
+    before = value_version(first)
+    monkeypatch.setattr(sys.modules[__name__], "SCALE", 3)
+    assert value_version(first) != before
+    monkeypatch.undo()
+    assert value_version(first) == before
+    monkeypatch.setattr(sys.modules[__name__], "helper", lambda x: x)
+    assert value_version(first) != before
+
+
+# What is made, by which code it is decided, and a change there that a reader would call one.
+MAKES = """
+import json, sys
+import numpy as np
+import pandas as pd
+from pathlib import Path
+from upath import UPath
+from tactile_core.dataset.outlines import trace_outlines
+from tactile_core.dataset.shapes import load_shapes
+from tactile_core.dataset.meshes import collect_meshes
+from tactile_core.dataset.rendering.silhouettes import render_masks
+from tactile_core.dataset.splits import rotate_splits
+from tactile_core.exploration.learning.approaches import find_approach
+from tactile_core.exploration.learning.train import train_policy
+from tactile_core.files import read_table, write_table
+from tactile_core.reconstruction.trained import load_unet, save_unet
+from tactile_core.reconstruction.training import train_unet
+from tactile_core.reconstruction.trial import trial_key
+from tactile_core.settings import (
+    MaskSettings, MeshSettings, PolicySettings, SearchSettings, SplitSettings, UNetSettings,
+)
+
+home = Path(sys.argv[1])
+said = []
+root = UPath(home / "meshes")
+drawing = MaskSettings(resolution=48, renderer="rasteriser")
+def earlier(name):
+    return read_table(home / name) if (home / name).exists() else None
+meshes = MeshSettings(procedural_models={"mug": 3, "bottle": 3})
+manifest = collect_meshes(meshes, root, home / "cache")
+masks = render_masks(manifest, root, drawing, earlier("masks"), said.append, workers=1)
+write_table(masks, home / "masks")
+splits = rotate_splits(
+    masks, manifest, root, drawing, SplitSettings(rotations=1), earlier("splits"), said.append, 1
+)
+write_table(splits, home / "splits")
+rendered = [int(line.split()[0]) for line in said if "masks rendered" in line]
+outlines = trace_outlines(splits)
+train, eval_shapes = (load_shapes(splits, outlines, split) for split in ("train", "eval"))
+
+class Cut(Exception):
+    pass
+
+def cut_after(word):
+    def progress(message):
+        said.append(message)
+        if word in message:
+            raise Cut
+    return progress
+
+net = UNetSettings(learning_rate=1e-2, batch_size=4, depth=2, channels=2, epochs=2, patience=9)
+said.clear()
+try:
+    train_unet(train, eval_shapes, net, work=home / "unet", progress=cut_after("epoch 2/2"))
+except Cut:
+    pass
+unet_resumed = any("resuming" in line for line in said)
+if not (home / "kept" / "settings.json").exists():
+    save_unet(train_unet(train, eval_shapes, net, work=home / "other"), UPath(home / "kept"))
+quick = PolicySettings(
+    steps_per_stage=128, environments=4, rays_per_rollout=32, batch_size=32, epochs=1,
+    gain_iterations=2, gain_states=4, gain_tries=2, gain_updates=1,
+)
+kept = {}
+for name in ("total", "gain"):
+    said.clear()
+    train_policy(
+        find_approach(name), 0, train, load_unet(UPath(home / "kept")), quick,
+        directory=UPath(home / name), work=home / "work" / name, progress=said.append,
+    )
+    kept[name] = any("kept" in line for line in said)
+key = trial_key({"depth": 2}, train, eval_shapes, SearchSettings())
+print(json.dumps({"masks": rendered[0], "rotated": rendered[1], "unet": unet_resumed, **kept,
+                  "trial": key}))
+"""
+
+
+@pytest.fixture(scope="module")
+def core(tmp_path_factory) -> Path:
+    """A copy of the core whose files may be changed."""
+    folder = tmp_path_factory.mktemp("copy")
+    shutil.copytree(Path(tactile_core.__file__).parent, folder / "tactile_core")
+    return folder / "tactile_core"
+
+
+@pytest.fixture(scope="module")
+def made(core, tmp_path_factory):
+    """Everything made once, and a way to make it again in a copy of that home."""
+    home = tmp_path_factory.mktemp("made")
+
+    def make(folder: Path) -> dict:
+        environment = {**os.environ, "PYTHONPATH": str(core.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, "-c", MAKES, str(folder)]
+        done = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    first = make(home)
+    assert (first["masks"], first["rotated"]) == (6, 6)
+
+    def again(folder: Path) -> dict:
+        shutil.copytree(home, folder)
+        found = make(folder)
+        return {**found, "trial": found["trial"] == first["trial"]}
+
+    return again
+
+
+REUSED = {"masks": 0, "rotated": 0, "unet": True, "total": True, "gain": True, "trial": True}
+CHANGES = {
+    "nothing": (None, "", "", {}),
+    "pictures": ("figures/style.py", "import", "X = 1\nimport", {}),
+    # Where the camera looks: other masks, and with them all that was learnt from the old ones.
+    "camera": (
+        "dataset/rendering/camera.py", "(z - x)", "(z + x)",
+        {"masks": 6, "rotated": 6, "unet": False, "total": False, "gain": False, "trial": False},
+    ),
+    "training": (
+        "reconstruction/training.py", "weight_decay=1e-4", "weight_decay=1e-3",
+        {"unet": False, "trial": False},
+    ),
+    "ppo": ("exploration/learning/ppo.py", "ent_coef=settings.entropy", "ent_coef=0.5",
+            {"total": False, "gain": False}),
+    "one more approach": (
+        "exploration/learning/approaches.py", "    for approach in (\n",
+        "    for approach in (\n        Approach(\"own\", \"Any.\", (DIFF,)),\n", {},
+    ),
+    "another reward": (
+        "exploration/learning/approaches.py", "            (TOTAL,),", "            (DIFF,),",
+        {"total": False},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_the_code_decides_is_made_anew_when_the_code_changes(core, made, tmp_path, change):
+    file, old, new, expected = CHANGES[change]
+    text = (core / file).read_text() if file else ""
+    assert old in text
+    if file:
+        (core / file).write_text(text.replace(old, new, 1))
+    try:
+        assert made(tmp_path / "home") == REUSED | expected
+    finally:
+        if file:
+            (core / file).write_text(text)
