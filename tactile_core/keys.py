@@ -9,14 +9,10 @@ package that it imports and the versions of the libraries that those import.
 """
 
 import ast
-import dataclasses
 import functools
 import hashlib
 import importlib.metadata
-import inspect
-import sys
-import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +22,7 @@ from tactile_core.settings import Settings
 CORE = "tactile_core"
 FOLDER = Path(__file__).resolve().parent
 # Every module imports these, and what they do shows in the settings and in the content itself.
-APART = {f"{CORE}.settings", f"{CORE}.errors", f"{CORE}.files", f"{CORE}.keys"}
+APART = {f"{CORE}.{name}" for name in ("settings", "errors", "files", "keys", "value_versions")}
 NAMED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 # Libraries that are installed under another name than they are imported by.
 INSTALLED_AS = {"skimage": "scikit-image", "PIL": "pillow"}
@@ -58,42 +54,6 @@ def code_version(*modules: str) -> str:
     """The version of the code in `modules` of the core and of all that they run (12 hex digits)."""
     found = closure([f"{CORE}.{module}" for module in modules])
     return content_hash(*(code_of(module) for module in found), libraries(found))[:12]
-
-
-def value_version(value: Any) -> str:
-    """The version of a function, or of a dataclass with all that it holds (12 hex digits).
-
-    For what a user adds, such as a reward: its module may hold others that do not concern it.
-    """
-    if inspect.isfunction(value):
-        return function_version(value)
-    if dataclasses.is_dataclass(value):
-        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-        parts = [(name, value_version(part)) for name, part in fields.items()]
-        return content_hash(type(value).__qualname__, parts)[:12]
-    if isinstance(value, tuple | list):
-        return content_hash([value_version(part) for part in value])[:12]
-    return content_hash(value)[:12]
-
-
-def function_version(function: Callable) -> str:
-    """The version of one function's code, with the functions and constants that it names."""
-    found: dict[str, str] = {}
-    waiting: list[Any] = [inspect.unwrap(function)]
-    while waiting:
-        some = waiting.pop()
-        name = f"{some.__module__}.{some.__qualname__}"
-        if name in found:
-            continue
-        tree = without_docstrings(ast.parse(textwrap.dedent(inspect.getsource(some))))
-        found[name] = ast.dump(tree)
-        for used in sorted({node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}):
-            value = some.__globals__.get(used)
-            if inspect.isfunction(value) and not is_library(value.__module__):
-                waiting.append(value)
-            elif isinstance(value, int | float | str | tuple):
-                found[f"{name}: {used}"] = repr(value)
-    return content_hash(sorted(found.items()))[:12]
 
 
 def closure(modules: list[str]) -> list[str]:
@@ -173,8 +133,3 @@ def source(module: str) -> Path | None:
         if file.is_file():
             return file
     return None
-
-
-def is_library(module: str) -> bool:
-    """Whether a module belongs to a library or to Python itself, whose code does not count."""
-    return module.partition(".")[0] in sys.stdlib_module_names.union(LIBRARIES)

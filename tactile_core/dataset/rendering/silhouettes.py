@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import PurePosixPath
 from typing import NamedTuple
 
 import numpy as np
@@ -115,14 +116,17 @@ def draw(
 def mask_keys(wanted: pd.DataFrame, resolution: int) -> list[str]:
     """What each mask depends on: its mesh, its rotation, and the code that renders it.
 
-    Not the renderer, as both give equal pixels.
+    Not the renderer, as both give equal pixels. The same bytes may be read in more than one format.
     """
-    settings = {"resolution": resolution}
+    columns = wanted["content_hash"], wanted["file"], wanted["rotation"].map(float)
     return [
-        work_key("dataset.rendering.silhouettes", settings=settings, mesh=mesh, rotation=rotation)
-        for mesh, rotation in zip(
-            wanted["content_hash"], wanted["rotation"].map(float.hex), strict=True
+        work_key(
+            "dataset.rendering.silhouettes",
+            settings={"resolution": resolution, "rotation": rotation},
+            mesh=mesh,
+            format=PurePosixPath(file).suffix.lower(),
         )
+        for mesh, file, rotation in zip(*columns, strict=True)
     ]
 
 

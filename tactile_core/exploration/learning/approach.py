@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tactile_core.exploration.world.rewards import Stage
-from tactile_core.keys import value_version
+from tactile_core.value_versions import value_version
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import pandas as pd
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.references import GOLDEN, towards_middle
+from tactile_core.exploration.world.circle import circle_pixels
 from tactile_core.exploration.world.rays import RAYS, candidate_rays, cast_rays, mark_free
 from tactile_core.files import content_hash
 from tactile_core.keys import work_key
@@ -39,23 +40,29 @@ class RaySequences(NamedTuple):
 def practised(practice_rays: pd.DataFrame, shapes: Shapes) -> RaySequences:
     """The rays that `practise` recorded, in the order of `shapes`.
 
-    Raises `TactileError` where they were recorded on other samples.
+    Raises `TactileError` where they were recorded on other samples, or on other masks of the same
+    names: each ray has to touch what it touched.
     """
     table = practice_rays.set_index(["sample_id", "sequence"])
     wanted = pd.MultiIndex.from_product(
         [shapes.sample_ids, sorted(practice_rays["sequence"].unique())]
     )
+    others = TactileError(
+        "practice_rays were recorded on other train samples than those in rotated_splits: "
+        "materialise practice_rays again"
+    )
     if len(wanted) != len(table) or not wanted.isin(table.index).all():
-        raise TactileError(
-            "practice_rays were recorded on other train samples than those in rotated_splits: "
-            "materialise practice_rays again"
-        )
+        raise others
     table = table.loc[wanted]
     shape = len(shapes), -1, RAYS, 2
-    return RaySequences(
-        np.stack(table["rays"].to_list()).astype(int).reshape(shape),  # (N, S, RAYS, 2)
-        np.stack(table["touches"].to_list()).astype(np.int16).reshape(shape),
-    )
+    rays = np.stack(table["rays"].to_list()).astype(int).reshape(shape)  # (N, S, RAYS, 2)
+    touches = np.stack(table["touches"].to_list()).astype(np.int16).reshape(shape)
+    if rays.max() >= len(circle_pixels(shapes.resolution)):  # of a larger resolution
+        raise others
+    owners = np.repeat(np.arange(len(shapes)), rays[0].size // 2)
+    if (cast_rays(shapes.masks, rays.reshape(-1, 2), owners) != touches.reshape(-1, 2)).any():
+        raise others
+    return RaySequences(rays, touches)
 
 
 def rays_and_outlines(

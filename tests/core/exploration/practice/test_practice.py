@@ -1,5 +1,7 @@
 """Practice: the rays of a first policy, for the final U-Net to learn from."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,11 @@ def test_practice_on_other_samples_is_refused(small_shapes, tmp_path):
     for other in (small_shapes["test"], train.select(np.arange(len(train) - 1))):
         with pytest.raises(TactileError, match="recorded on other train samples"):
             practised(table, other)
+    mirrored = dataclasses.replace(train, masks=train.masks[:, :, ::-1].copy())
+    larger = table.assign(rays=[2 * rays for rays in table["rays"]])
+    for some, other in ((table, mirrored), (larger, train)):
+        with pytest.raises(TactileError, match="recorded on other train samples"):
+            practised(some, other)
     turned = train.select(np.arange(len(train))[::-1])
     np.testing.assert_array_equal(practised(table, turned).rays, practised(table, train).rays[::-1])
 

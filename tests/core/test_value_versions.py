@@ -1,0 +1,157 @@
+"""Versions of values that hold code: what a reward does counts, and nothing else."""
+
+import functools
+import os
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from tactile_core.compiled import compiled
+from tactile_core.errors import TactileError
+from tactile_core.value_versions import value_version
+
+# Each a reward as users write them; of every pair the second does something else.
+START = """
+import functools
+from dataclasses import dataclass
+import numpy as np
+"""
+PAIRS = {
+    "constant": ("def reward(x): return x + 1", "def reward(x): return x + 2"),
+    "operator": ("def reward(x): return x + 1", "def reward(x): return x - 1"),
+    "default": ("def reward(x, k=1): return x + k", "def reward(x, k=2): return x + k"),
+    "lambda": ("reward = lambda x: x + 1", "reward = lambda x: x + 2"),
+    "global": ("K = 1\ndef reward(x): return x + K", "K = 2\ndef reward(x): return x + K"),
+    "global in a container": (
+        "K = {'miss': [1]}\ndef reward(x): return x + K['miss'][0]",
+        "K = {'miss': [2]}\ndef reward(x): return x + K['miss'][0]",
+    ),
+    "global array": (
+        "K = np.arange(3)\ndef reward(x): return x * K",
+        "K = np.arange(3) * 2\ndef reward(x): return x * K",
+    ),
+    "helper": (
+        "def helper(x): return x\ndef reward(x): return helper(x)",
+        "def helper(x): return -x\ndef reward(x): return helper(x)",
+    ),
+    "helper inside a function inside": (
+        "def helper(x): return x\ndef reward(x): return [helper(y) for y in x]",
+        "def helper(x): return -x\ndef reward(x): return [helper(y) for y in x]",
+    ),
+    "cached helper": (
+        "@functools.cache\ndef helper(x): return x\ndef reward(x): return helper(x)",
+        "@functools.cache\ndef helper(x): return -x\ndef reward(x): return helper(x)",
+    ),
+    "closure": (
+        "def scaled(k):\n  def reward(x): return k * x\n  return reward\nreward = scaled(1)",
+        "def scaled(k):\n  def reward(x): return k * x\n  return reward\nreward = scaled(2)",
+    ),
+    "partial": (
+        "def some(k, x): return k * x\nreward = functools.partial(some, 1)",
+        "def some(k, x): return k * x\nreward = functools.partial(some, 2)",
+    ),
+    "field": (
+        "@dataclass\nclass Some:\n  k: int\n  def __call__(self, x): ...\nreward = Some(1)",
+        "@dataclass\nclass Some:\n  k: int\n  def __call__(self, x): ...\nreward = Some(2)",
+    ),
+    "code of a class": (
+        "@dataclass\nclass Some:\n  k: int\n  def __call__(self, x): return x\nreward = Some(1)",
+        "@dataclass\nclass Some:\n  k: int\n  def __call__(self, x): return -x\nreward = Some(1)",
+    ),
+    "code of its base": (
+        "class Base:\n  def f(self): return 1\nclass Some(Base): pass\nreward = Some().f",
+        "class Base:\n  def f(self): return 2\nclass Some(Base): pass\nreward = Some().f",
+    ),
+    "attribute of a class": (
+        "class Some:\n  K = [1]\n  def __call__(self, x): return x * self.K[0]\nreward = Some()",
+        "class Some:\n  K = [2]\n  def __call__(self, x): return x * self.K[0]\nreward = Some()",
+    ),
+    "library's function": (
+        "from numpy import where as some\ndef reward(x): return some(x)",
+        "from numpy import argsort as some\ndef reward(x): return some(x)",
+    ),
+    "what an error leads to": (
+        "def reward(x):\n  try: return x()\n  except ValueError: return 1",
+        "def reward(x):\n  try: return x()\n  except KeyError: return 1",
+    ),
+}
+
+
+def version(text: str) -> str:
+    space = {"__name__": "somebody"}
+    exec(START + text, space)
+    return value_version(space["reward"])
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_whatever_a_reward_does_counts(pair):
+    one, other = PAIRS[pair]
+    assert version(one) == version(one) != version(other)
+
+
+def test_compiled_functions_count_by_what_they_compile():
+    def plain(x):
+        return x
+
+    def negative(x):
+        return -x
+
+    assert value_version(compiled(plain)) == value_version(compiled(plain))
+    assert value_version(compiled(plain)) != value_version(compiled(negative))
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        'def reward(x):\n  """Words."""\n  return None if x else K',
+        'def reward(x):\n  """Other words."""\n  # and a comment\n\n  return None if x else K',
+        "OTHER = 3\ndef another(x): return 0\n\ndef reward(x): return None if x else K",
+    ],
+)
+def test_words_places_and_neighbours_do_not_count(said):
+    assert version(f"K = 1\n{said}") == version("K = 1\ndef reward(x): return None if x else K")
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A reward with settings."""
+
+    factor: float
+    words: frozenset[str] = frozenset({"a", "b", "c", "d"})
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        return self.factor * x if "a" in {"a", "b", "c"} else functools.reduce(max, x)
+
+
+def test_versions_are_equal_in_every_process():
+    code = (
+        "from tests.core.test_value_versions import Scaled;"
+        "from tactile_core.value_versions import value_version;"
+        "print(value_version((Scaled(2.0), Scaled, len, {1: 'x', 'y': {3, 'z'}})))"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }  # fmt: skip
+    assert len(found) == 1
+
+
+def test_a_function_that_calls_itself_has_a_version():
+    assert version("def reward(x): return x if x < 1 else reward(x - 1)") == version(
+        "def reward(x): return x if x < 1 else reward(x - 1)"
+    )
+
+
+def test_what_cannot_be_told_apart_is_refused_in_one_line():
+    lock = threading.Lock()
+    with pytest.raises(TactileError, match="cannot be told from others of its kind") as refused:
+        value_version(lambda: lock)
+    assert "\n" not in str(refused.value)
