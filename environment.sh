@@ -1,20 +1,6 @@
 # Sourced by .venv/bin/activate: makes the plain Dagster commands work from the repository root.
 # TACTILE_HOME, TACTILE_PROFILE, TACTILE_STORE, TACTILE_SHAPENET and TACTILE_REAL are read where they
-# are set and left unset otherwise; only TACTILE_HOME is made absolute, because DAGSTER_HOME must be.
-
-_tactile_root="$(cd "$VIRTUAL_ENV/.." && pwd)"
-if [ -n "${TACTILE_HOME:-}" ]; then
-    mkdir -p "$TACTILE_HOME"
-    TACTILE_HOME="$(cd "$TACTILE_HOME" && pwd)"
-    export TACTILE_HOME
-fi
-DAGSTER_HOME="${TACTILE_HOME:-$_tactile_root/.tactile}/dagster"
-export DAGSTER_HOME
-mkdir -p "$DAGSTER_HOME"
-# A dagster.yaml of your own in DAGSTER_HOME stays; a link to ours follows the checkout.
-if [ -L "$DAGSTER_HOME/dagster.yaml" ] || [ ! -e "$DAGSTER_HOME/dagster.yaml" ]; then
-    ln -sfn "$_tactile_root/dagster.yaml" "$DAGSTER_HOME/dagster.yaml"
-fi
+# are set and left unset otherwise. DAGSTER_HOME follows TACTILE_HOME.
 
 # `dagster asset …` reads neither pyproject.toml nor workspace.yaml: click takes `-m` from here.
 # (DAGSTER_MODULE_NAME would do the same and make `dagster dev` hang.)
@@ -23,13 +9,29 @@ export DAGSTER_CLI_ASSET_LIST_MODULE_NAME=tactile_assets.definitions
 # The newer form, `dg launch --assets …`, serves as well; no need to hear of it each time.
 export PYTHONWARNINGS="${PYTHONWARNINGS:+$PYTHONWARNINGS,}ignore:Function \`asset_materialize_command"
 
+_tactile_root="$(cd "$VIRTUAL_ENV/.." && pwd)"
+if ! _tactile_home="$(PYTHONPATH="$_tactile_root" python -P -m tactile_core.home)"; then
+    # It said why. Whatever is run now says so again and writes nothing: TACTILE_HOME stays as given.
+    unset DAGSTER_HOME _tactile_root _tactile_home
+    return 1
+fi
+if [ -n "${TACTILE_HOME:-}" ]; then
+    export TACTILE_HOME="$_tactile_home"
+fi
+export DAGSTER_HOME="$_tactile_home/dagster"
+mkdir -p "$DAGSTER_HOME" || return 1
+# A dagster.yaml of your own in DAGSTER_HOME stays; a link to ours follows the checkout.
+if [ -L "$DAGSTER_HOME/dagster.yaml" ] || [ ! -e "$DAGSTER_HOME/dagster.yaml" ]; then
+    ln -sfn "$_tactile_root/dagster.yaml" "$DAGSTER_HOME/dagster.yaml"
+fi
+
 # Half of the processors to each process: steps run side by side, and two threads on two processors
 # train nets three times slower than one as soon as anything else runs. Threads wait without spinning.
-export OMP_NUM_THREADS="${OMP_NUM_THREADS:-$((($(nproc) + 1) / 2))}"
+_tactile_processors="$(PYTHONPATH="$_tactile_root" python -P -m tactile_core.machine)"
+export OMP_NUM_THREADS="${OMP_NUM_THREADS:-$(((_tactile_processors + 1) / 2))}"
 export OMP_WAIT_POLICY="${OMP_WAIT_POLICY:-PASSIVE}"
 
-# What runs on this machine stays on it; Ray writes no token into the user's home.
+# What runs on this machine stays on it.
 export DAGSTER_DISABLE_TELEMETRY=yes
 export RAY_USAGE_STATS_ENABLED=0
-export RAY_AUTH_MODE="${RAY_AUTH_MODE:-disabled}"
-unset _tactile_root
+unset _tactile_root _tactile_home _tactile_processors

@@ -1,8 +1,27 @@
-"""The Dagster layer: eleven assets, their checks and their automation, over `tactile_core`."""
+"""The Dagster layer: the assets, their checks and their automation, over `tactile_core`."""
 
+import sys
 import warnings
+from types import TracebackType
 
 from dagster import BetaWarning
 
+from tactile_core.errors import TactileError
+
 # Of no use to whoever runs a pinned Dagster; `--select '*'` alone sets one off.
 warnings.filterwarnings("ignore", category=BetaWarning)
+
+_others = sys.excepthook
+
+
+def say_in_one_line(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    """What a user got wrong ends any command with the sentence that says so, and no stack."""
+    if isinstance(error, TactileError):
+        print(error, file=sys.stderr)
+    else:
+        _others(kind, error, trace)
+
+
+sys.excepthook = say_in_one_line

@@ -9,7 +9,7 @@ import dagster as dg
 
 from tactile_assets.paths import REPOSITORY
 from tactile_core.errors import TactileError
-from tactile_core.machine import commit, memory_gib, processor
+from tactile_core.machine import commit, memory_gib, processor, processors
 
 VARIABLES = ("TACTILE_PROFILE", "TACTILE_SHAPENET", "TACTILE_REAL")
 
@@ -23,7 +23,7 @@ def made_here() -> dict[str, Any]:
     return {
         "commit": commit(REPOSITORY) or "unknown",
         "variables": {name: os.environ[name] for name in VARIABLES if os.environ.get(name)},
-        "machine": f"{os.cpu_count()} × {processor()}, {memory_gib():.0f} GiB, "
+        "machine": f"{processors()} × {processor()}, {memory_gib():.0f} GiB, "
         f"{platform.system()}, {device} in {precision}",
         "python": platform.python_version(),
     }

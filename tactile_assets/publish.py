@@ -17,6 +17,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from tactile_assets.chain import in_order
 from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tactile_assets.pages import PICTURES, page, readme_part
@@ -75,9 +76,8 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
     """
     if not os.environ.get("DAGSTER_HOME"):
         raise TactileError("DAGSTER_HOME is not set: activate the environment first")
-    chain = [spec.key.to_user_string() for spec in defs.resolve_all_asset_specs()]
     with dg.DagsterInstance.get() as instance:
-        run = whole_run(instance, [asset for asset in chain if not asset.startswith("real_")])
+        run = whole_run(instance, [name for name in in_order(defs) if not name.startswith("real_")])
         made = how_made(instance, f"{list(evaluations)[-1]}_evaluation")
     variables = made.pop("variables")
     if variables != (now := made_here()["variables"]):

@@ -1,5 +1,7 @@
 """Report, section V: a U-Net that completes a shape from a few touches."""
 
+from pathlib import Path
+
 import dagster as dg
 import pandas as pd
 
@@ -57,6 +59,7 @@ def unet_search(
         load_shapes(rotated_splits, outlines, "eval"),
         SearchSettings(**config.model_dump()),  # Ray's workers know nothing of Dagster
         work=store.work("unet_search"),
+        token=Path(store.home, "ray-token"),
         progress=context.log.info,
     )
     return stored(

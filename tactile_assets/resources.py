@@ -11,9 +11,9 @@ import pandas as pd
 from pydantic import Field
 from upath import UPath
 
-from tactile_assets.paths import REPOSITORY
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, written_whole
+from tactile_core.home import check_one_home, find_home
 
 logger = logging.getLogger(__name__)
 
@@ -26,9 +26,12 @@ class Store(dg.ConfigurableResource):
 
     @classmethod
     def from_environment(cls, environ: Mapping[str, str] = os.environ) -> "Store":
-        """`TACTILE_HOME` (default: .tactile in the checkout) and `TACTILE_STORE` (default:
-        artifacts/ in the home)."""
-        home = Path(environ.get("TACTILE_HOME") or REPOSITORY / ".tactile").resolve()
+        """The home (see `tactile_core.home`) and `TACTILE_STORE` (default: artifacts/ in the home).
+
+        Raises `TactileError` where the home cannot be used, or Dagster's is in another.
+        """
+        home = find_home(environ)
+        check_one_home(home, environ)
         return cls(home=str(home), artifacts=environ.get("TACTILE_STORE") or f"{home}/artifacts")
 
     def path(self, *parts: str) -> UPath:

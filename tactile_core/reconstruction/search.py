@@ -1,7 +1,5 @@
 """Hyperparameter search with Ray Tune: Bayesian optimisation with HyperBand (report, section V)."""
 
-import logging
-import os
 import random
 import shutil
 from collections.abc import Callable, Iterator
@@ -16,19 +14,13 @@ from ray import tune
 from ray.tune.schedulers import HyperBandForBOHB
 from ray.tune.search.bohb import TuneBOHB
 
+from tactile_core.cluster import running_ray
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction.trial import run_trial
 from tactile_core.settings import NetSettings, SearchSettings
 
 AnyNetSettings = TypeVar("AnyNetSettings", bound=NetSettings)
-
-# Without these Ray writes a token and its own loggers' files into the user's home.
-QUIET_RAY = {
-    "RAY_AUTH_MODE": "disabled",
-    "TUNE_DISABLE_AUTO_CALLBACK_LOGGERS": "1",
-    "RAY_AIR_NEW_OUTPUT": "0",  # the old output heeds verbose=0, the new one prints a banner
-}
 
 
 def search_unet(
@@ -37,21 +29,22 @@ def search_unet(
     settings: SearchSettings,
     *,
     work: Path,
+    token: Path,
     progress: Callable[[str], None] = lambda message: None,
 ) -> pd.DataFrame:
     """Run the trials and return one row each, best first: trial, learning_rate, batch_size,
     depth, channels, epochs, loss, jaccard (0–100, both on the eval split).
 
-    `RAY_ADDRESS` names a running cluster; unset, a local Ray starts and is shut down. With
-    `concurrent` 1 the same seed gives the same table. Raises `TactileError` where every
-    trial failed. All nodes of a cluster must see `work` under the same path: Ray keeps the
-    trials' checkpoints there.
+    `RAY_ADDRESS` names a running cluster; unset, a local Ray starts and is shut down, which asks
+    for the secret in the file `token`. With `concurrent` 1 the same seed gives the same table.
+    All nodes of a cluster must see `work` under the same path: Ray keeps the trials' checkpoints
+    there. Raises `TactileError` where every trial failed.
 
     Ray cannot restore a BOHB search. So trials leave their epochs in `work`, keyed by what
     they tried: a search that was killed and starts again repeats the same suggestions and
     finds their epochs done.
     """
-    with running_ray(settings.concurrent), seeded(settings.seed):
+    with running_ray(settings.concurrent, token), seeded(settings.seed):
         results = run_trials(train, eval_shapes, settings, work.resolve(), progress)
     # A trial that failed keeps its last good report: it must not win the search by that.
     ended = [results[index] for index in range(len(results))]
@@ -78,28 +71,6 @@ def with_best_trial(settings: AnyNetSettings, search: pd.DataFrame) -> AnyNetSet
     }
     empty = {name: value for name, value in found.items() if getattr(settings, name) is None}
     return settings.model_copy(update=empty)
-
-
-@contextmanager
-def running_ray(concurrent: int) -> Iterator[None]:
-    """A connection to the cluster at `RAY_ADDRESS`, or a local Ray for the block's duration."""
-    for name, value in QUIET_RAY.items():
-        os.environ.setdefault(name, value)
-    address = os.environ.get("RAY_ADDRESS") or None
-    local: dict[str, Any] = {
-        "num_cpus": max(concurrent, os.cpu_count() or 1),
-        "include_dashboard": False,
-    }
-    ray.init(
-        address=address or "local",
-        log_to_driver=False,
-        logging_level=logging.ERROR,
-        **({} if address else local),
-    )
-    try:
-        yield
-    finally:
-        ray.shutdown()
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import Any
 
 import dagster as dg
 
+from tactile_assets.chain import in_order
 from tactile_assets.definitions import defs
 from tactile_assets.paths import REPOSITORY
 from tactile_assets.resources import Store
@@ -25,7 +26,7 @@ TINY = {
     "per_step_evaluation": {"references": ["random", "even", "oracle"], "resamples": 20},
     "per_grasp_evaluation": {"references": ["random", "oracle"], "resamples": 20},
 }
-ALL = [spec.key.to_user_string() for spec in defs.resolve_all_asset_specs()]
+ALL = in_order(defs)
 
 
 def run_config(**settings: dict[str, Any]) -> dict[str, Any]:
@@ -34,8 +35,11 @@ def run_config(**settings: dict[str, Any]) -> dict[str, Any]:
     return {"ops": {asset: {"config": fields} for asset, fields in ops.items() if fields}}
 
 
-def shell(command: str, home: Path, **variables: str) -> subprocess.CompletedProcess:
-    """Run a command as in a shell where .venv/bin/activate was sourced and nothing exported."""
+def shell(
+    command: str, home: Path, *, whatever_it_says: bool = False, **variables: str
+) -> subprocess.CompletedProcess:
+    """Run a command as in a shell where .venv/bin/activate was sourced and nothing exported; where
+    that failed only if it is to go on `whatever_it_says`."""
     binaries = Path(sys.executable).parent
     environment = {
         "PATH": f"{binaries}:/usr/local/bin:/usr/bin:/bin",
@@ -47,7 +51,7 @@ def shell(command: str, home: Path, **variables: str) -> subprocess.CompletedPro
         **variables,
     }
     return subprocess.run(
-        ["bash", "-c", f". ./environment.sh && {command}"],
+        ["bash", "-c", f". ./environment.sh {';' if whatever_it_says else '&&'} {command}"],
         cwd=REPOSITORY,
         env=environment,
         capture_output=True,

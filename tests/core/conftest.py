@@ -6,6 +6,7 @@ import pytest
 import torch
 from upath import UPath
 
+from tactile_core.cluster import ready_token
 from tactile_core.dataset.meshes import collect_meshes
 from tactile_core.dataset.outlines import trace_outlines
 from tactile_core.dataset.rendering.silhouettes import render_masks
@@ -16,6 +17,13 @@ from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, UNetSettings
+
+
+@pytest.fixture(scope="session")
+def ray_token(tmp_path_factory) -> Path:
+    """The one secret of all Rays that a test process starts: a process reads it once."""
+    return ready_token(tmp_path_factory.mktemp("home") / "ray-token")
+
 
 # Nets this small gain nothing from a second thread, and on a busy machine wait for it.
 torch.set_num_threads(1)

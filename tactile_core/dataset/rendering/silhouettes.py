@@ -5,7 +5,6 @@ Meshes are spread over processes where there are enough of them; the masks do no
 """
 
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -23,6 +22,7 @@ from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import TactileError
 from tactile_core.keys import work_key
+from tactile_core.machine import processors
 from tactile_core.settings import MaskSettings
 
 EMPTY = "no pixel lies inside its silhouette"
@@ -151,7 +151,7 @@ def render_jobs(
     progress(f"rendering {len(jobs)} meshes with {renderer} at {settings.resolution} pixels")
 
     if workers is None:
-        workers = min(available_cpus(), MOST_WORKERS, len(jobs) // MESHES_PER_WORKER)
+        workers = min(processors(), MOST_WORKERS, len(jobs) // MESHES_PER_WORKER)
     results: Iterator[list[bytes | str]]
     if platform is None and workers <= 1:
         results = (render(job, root, settings.resolution, None) for job in jobs)
@@ -179,14 +179,6 @@ def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list
             mask = rasterise(project(vertices, rotation, resolution), faces, resolution)
         masks.append(encode_mask(mask) if mask.any() else EMPTY)
     return masks
-
-
-def available_cpus() -> int:
-    """How many CPUs this process may run on."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # macOS
-        return os.cpu_count() or 1
 
 
 def _in_processes(

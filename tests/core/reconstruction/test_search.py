@@ -8,11 +8,11 @@ import pytest
 import ray
 from ray.cluster_utils import Cluster
 
+from tactile_core.cluster import QUIET_RAY, running_ray
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction import search as search_module
 from tactile_core.reconstruction.batches import draw_touch_sets
 from tactile_core.reconstruction.search import (
-    QUIET_RAY,
     resources_per_trial,
     search_unet,
     seeded,
@@ -42,16 +42,19 @@ SETTINGS = SearchSettings(
 
 
 @pytest.fixture(scope="module")
-def cluster():
-    """A running cluster of one processor, named by RAY_ADDRESS."""
+def cluster(ray_token):
+    """A running cluster of one processor, named by RAY_ADDRESS, that asks for a token."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("RAY_ADDRESS", raising=False)
+        with running_ray(1, ray_token):  # the first in this process: from here on there are tokens
+            pass
         for name, value in QUIET_RAY.items():
             patch.setenv(name, value)
         running = Cluster(
             initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
         )
         patch.setenv("RAY_ADDRESS", running.address)
-        yield
+        yield ray_token
         running.shutdown()
 
 
@@ -61,7 +64,7 @@ def search(cluster, small_shapes):
 
     def run(work, settings=SETTINGS, progress=lambda message: None) -> pd.DataFrame:
         train, evaluation = small_shapes["train"], small_shapes["eval"]
-        return search_unet(train, evaluation, settings, work=work, progress=progress)
+        return search_unet(train, evaluation, settings, work=work, token=cluster, progress=progress)
 
     return run
 
@@ -181,7 +184,7 @@ def test_a_trial_gets_no_more_than_one_node_has(monkeypatch):
 
 
 def test_without_a_cluster_a_local_ray_starts_and_is_shut_down_whatever_happens(
-    small_shapes, tmp_path, monkeypatch
+    small_shapes, ray_token, tmp_path, monkeypatch
 ):
     """Here every trial fails; the reason is told in one line."""
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
@@ -190,6 +193,7 @@ def test_without_a_cluster_a_local_ray_starts_and_is_shut_down_whatever_happens(
     with pytest.raises(TactileError, match="choose a smaller depth") as refused:
         search_unet(
             small_shapes["train"], small_shapes["eval"], deep, work=tmp_path / "work",
+            token=ray_token,
             progress=lambda message: started.append(ray.is_initialized()),
         )  # fmt: skip
     assert "\n" not in str(refused.value)

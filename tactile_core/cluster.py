@@ -1,0 +1,121 @@
+"""Ray: a cluster that is there already, or one of this machine's own for as long as it is needed.
+
+Ray (2.60) listens on every interface and cannot be told otherwise: whoever reaches it without being
+asked for a token can run code in it. So a local Ray asks, and its secret lies in the home.
+"""
+
+import logging
+import os
+import secrets
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import ray
+
+from tactile_core.errors import TactileError
+from tactile_core.machine import processors
+
+# Without these Ray's own loggers write files where it runs.
+QUIET_RAY = {
+    "TUNE_DISABLE_AUTO_CALLBACK_LOGGERS": "1",
+    "RAY_AIR_NEW_OUTPUT": "0",  # the old output heeds verbose=0, the new one prints a banner
+    "RAY_USAGE_STATS_ENABLED": "0",
+}
+CONNECT_SECONDS, ANSWER_SECONDS = 5, 40
+# A socket's path has 107 bytes at most, and Ray puts some 70 of its own below this folder.
+LONGEST_FOLDER = 30
+
+
+@contextmanager
+def running_ray(concurrent: int, token: Path) -> Iterator[None]:
+    """A connection to the cluster at `RAY_ADDRESS`, or a local Ray for the block's duration.
+
+    concurrent : tasks that a local Ray runs at a time, at least one for each processor
+    token : file of the local Ray's secret, made where it is not there
+
+    Raises `TactileError` within a minute where nothing answers at `RAY_ADDRESS`.
+    """
+    for name, value in QUIET_RAY.items():
+        os.environ.setdefault(name, value)
+    address = os.environ.get("RAY_ADDRESS") or None
+    if address:
+        check_answers(address)
+        ray.init(address, log_to_driver=False, logging_level=logging.ERROR)
+    else:
+        # Where no mode is set Ray asks for a token. It reads a secret once in a process.
+        os.environ["RAY_AUTH_TOKEN_PATH"] = str(ready_token(token))
+        for name in ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN"):
+            os.environ.pop(name, None)
+        ray.init(
+            "local",
+            num_cpus=max(concurrent, processors()),
+            include_dashboard=False,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            _temp_dir=str(short_folder() / "ray"),
+        )
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def ready_token(path: Path) -> Path:
+    """The file of a secret that only this user can read; made at random where there is none."""
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+        with os.fdopen(os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+            file.write(secrets.token_hex(32))
+        aside.replace(path)
+    return path
+
+
+def check_answers(address: str) -> None:
+    """Raises `TactileError` where no Ray cluster answers at `address`.
+
+    Ray itself would wait for a quarter of an hour. "auto" it looks up on this machine, quickly.
+    """
+    if address in ("auto", "local"):
+        return
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=CONNECT_SECONDS).close()
+    except (OSError, ValueError) as error:
+        raise nobody_there(address, str(error)) from error
+    if address.startswith("ray://"):
+        return
+    command = [sys.executable, "-m", "ray.scripts.scripts", "health-check", "--address", address]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=ANSWER_SECONDS, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise nobody_there(address, f"no answer in {ANSWER_SECONDS} seconds") from error
+    if done.returncode:
+        said = (done.stderr or done.stdout).strip().splitlines()
+        raise nobody_there(address, said[-1][:200] if said else "it does not answer as Ray does")
+
+
+def nobody_there(address: str, reason: str) -> TactileError:
+    return TactileError(
+        f"RAY_ADDRESS={address} names a Ray cluster that cannot be reached ({reason}): correct or "
+        "start it, or unset RAY_ADDRESS to search on this machine"
+    )
+
+
+def short_folder() -> Path:
+    """A folder for temporary files whose path leaves room for the names of Ray's sockets."""
+    wanted = os.environ.get("RAY_TMPDIR") or tempfile.gettempdir()
+    for folder in (wanted, "/tmp", "/var/tmp", "/dev/shm"):
+        if len(folder.encode()) <= LONGEST_FOLDER and os.access(folder, os.W_OK | os.X_OK):
+            return Path(folder)
+    raise TactileError(
+        f"{wanted} is too long a path for Ray's sockets: set RAY_TMPDIR to a folder of at most "
+        f"{LONGEST_FOLDER} letters"
+    )

@@ -1,0 +1,70 @@
+"""The home: the one folder that holds the platform's files on this machine.
+
+`TACTILE_HOME` names it; else it is `.tactile` in the checkout, or the user's data folder where the
+package is installed. A home that cannot be used is refused and never replaced by another.
+
+`environment.sh` asks by `python -P -m tactile_core.home`; nothing heavy may be imported here.
+"""
+
+import os
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from tactile_core.errors import TactileError
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+# Dagster opens its database by an address: there these begin a query, or stand for another letter.
+UNUSABLE = re.compile(r"\?|%[0-9A-Fa-f]{2}|[\0-\x1f\x7f]")
+
+
+def find_home(environ: Mapping[str, str] = os.environ) -> Path:
+    """The home as an absolute path; it is made where it is not there yet.
+
+    Raises `TactileError` where it cannot be made or written to.
+    """
+    given = environ.get("TACTILE_HOME")
+    home = Path(given).expanduser().absolute() if given else default_home()
+    said = f"TACTILE_HOME={given}" if given else f"the home {home}"
+    if letter := UNUSABLE.search(str(home)):
+        shown = "".join(sign if sign.isprintable() else "…" for sign in said)
+        raise TactileError(
+            f"{shown} cannot be used, as Dagster's database cannot lie in a folder with "
+            f"{letter[0]!r} in its name: name another"
+        )
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TactileError(
+            f"{said} cannot be made ({error.strerror}): mount it or correct it; nothing was written"
+        ) from error
+    if not os.access(home, os.W_OK | os.X_OK):
+        raise TactileError(f"{said} cannot be written to: name another folder, nothing was written")
+    return home.resolve()
+
+
+def default_home() -> Path:
+    """`.tactile` in a checkout; the user's data folder for an installed package."""
+    if (CHECKOUT / "pyproject.toml").is_file():
+        return CHECKOUT / ".tactile"
+    import platformdirs
+
+    return Path(platformdirs.user_data_dir("tactile-exploration"))
+
+
+def check_one_home(home: Path, environ: Mapping[str, str] = os.environ) -> None:
+    """Raises `TactileError` where Dagster's records would go to another home than all the rest."""
+    dagster_home = environ.get("DAGSTER_HOME")
+    if dagster_home and Path(dagster_home).resolve() != home / "dagster":
+        raise TactileError(
+            f"DAGSTER_HOME={dagster_home} does not lie in the home {home}: activate the "
+            "environment again (. .venv/bin/activate), which sets it after TACTILE_HOME"
+        )
+
+
+if __name__ == "__main__":
+    try:
+        print(find_home())
+    except TactileError as error:
+        sys.exit(str(error))

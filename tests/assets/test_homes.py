@@ -1,0 +1,70 @@
+"""One home for everything, from the activation of the environment on."""
+
+import sqlite3
+
+import pytest
+
+from tests.assets.running import shell
+
+MESHES = "dagster asset materialize --select shapenet_meshes"
+
+
+def runs_recorded(home) -> int:
+    with sqlite3.connect(home / "dagster" / "history" / "runs.db") as database:
+        return database.execute("select count(*) from runs").fetchone()[0]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [MESHES, "python -m tactile_assets.results", "python -m tactile_assets.publish x", "true"],
+)
+def test_a_home_that_cannot_be_made_stops_activation_and_every_command(tmp_path, command):
+    (tmp_path / "file").write_text("")
+    home = tmp_path / "file" / "not-mounted"
+    stopped = shell(command, home)
+    assert stopped.returncode != 0
+    assert f"TACTILE_HOME={home} cannot be made" in stopped.stderr
+    assert len(stopped.stderr.strip().splitlines()) == 1
+    if command == "true":
+        return
+    ignored = shell(command, home, whatever_it_says=True)
+    assert ignored.returncode != 0
+    assert f"TACTILE_HOME={home} cannot be made" in ignored.stderr.splitlines()[-1]
+    assert "Traceback" not in ignored.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
+
+
+def test_a_home_named_after_activation_is_refused_and_nothing_is_written_there(tmp_path):
+    later = f"export TACTILE_HOME={tmp_path}/later && {MESHES}"
+    done = shell(later, tmp_path / "first")
+    assert done.returncode != 0
+    assert done.stderr.splitlines()[-1].startswith(
+        f"DAGSTER_HOME={tmp_path}/first/dagster does not"
+    )
+    assert not list((tmp_path / "later").glob("*"))
+    again = f"export TACTILE_HOME={tmp_path}/later && . ./environment.sh && {MESHES}"
+    assert shell(again, tmp_path / "first").returncode == 0
+    assert runs_recorded(tmp_path / "later") == 1
+
+
+@pytest.mark.parametrize("name", ["sp ace", "a#1 50% off", "[1]{a}:b", "日本 'quoted'"])
+def test_a_home_of_any_usual_name_works_and_leaves_nothing_beside_it(tmp_path, name):
+    done = shell(MESHES, tmp_path / name)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert runs_recorded(tmp_path / name) == 1
+
+
+def test_sourcing_twice_halves_the_threads_once(tmp_path):
+    done = shell("echo $OMP_NUM_THREADS && . ./environment.sh && echo $OMP_NUM_THREADS", tmp_path)
+    first, second = done.stdout.split()
+    assert first == second
+
+
+def test_an_unknown_profile_is_told_in_one_line_by_every_command(tmp_path):
+    for command in (MESHES, "python -m tactile_assets.results", "python -m tactile_assets.publish"):
+        done = shell(command, tmp_path, TACTILE_PROFILE="huge")
+        assert done.returncode != 0
+        assert done.stderr.strip().splitlines() == [
+            "TACTILE_PROFILE='huge' is unknown: choose one of smoke, laptop, study, paper"
+        ]

@@ -1,0 +1,123 @@
+"""Ray asks strangers for a token, and a cluster that is not there is told in a sentence."""
+
+import os
+import socket
+import stat
+import subprocess
+import sys
+import threading
+
+import pytest
+import ray
+
+from tactile_core import cluster
+from tactile_core.cluster import check_answers, ready_token, running_ray, short_folder
+from tactile_core.errors import TactileError
+
+JOIN = """
+import ray, sys
+ray.init(sys.argv[1], log_to_driver=False)
+print(ray.get(ray.remote(lambda: "ran code")._remote()))
+"""
+
+
+@pytest.fixture(scope="module")
+def address(ray_token):
+    """The address of a local Ray that runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("RAY_ADDRESS", raising=False)
+        with running_ray(1, ray_token):
+            yield ray.get_runtime_context().gcs_address
+
+
+def join(address: str, home, **variables: str) -> subprocess.CompletedProcess:
+    """Another process that tries to have code run there."""
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+    return subprocess.run(
+        [sys.executable, "-c", JOIN, address],
+        env={**plain, "HOME": str(home), **variables},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_the_token_is_a_secret_of_this_user_and_stays_the_same(tmp_path):
+    token = ready_token(tmp_path / "new" / "ray-token")
+    assert stat.S_IMODE(token.stat().st_mode) == 0o600
+    secret = token.read_text()
+    assert len(secret) == 64
+    assert ready_token(token).read_text() == secret
+    assert ready_token(tmp_path / "other").read_text() != secret
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["new", "other", "ray-token"]
+
+
+@pytest.mark.parametrize("mode", ["", "disabled", "token"])
+def test_who_has_no_token_cannot_join_a_local_ray(address, tmp_path, mode):
+    stranger = join(address, tmp_path, **({"RAY_AUTH_MODE": mode} if mode else {}))
+    assert stranger.returncode != 0
+    assert "ran code" not in stranger.stdout
+
+
+def test_who_has_the_token_can(address, ray_token, tmp_path):
+    token = str(ray_token)
+    friend = join(address, tmp_path, RAY_AUTH_MODE="token", RAY_AUTH_TOKEN_PATH=token)
+    assert friend.stdout.endswith("ran code\n"), friend.stderr
+    assert not (tmp_path / ".ray").exists()
+
+
+@pytest.fixture
+def silent():
+    """The address of something that takes connections and never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        taken = []
+
+        def take():
+            while True:
+                try:
+                    taken.append(server.accept())
+                except OSError:
+                    return
+
+        threading.Thread(target=take, daemon=True).start()
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+        server.shutdown(socket.SHUT_RDWR)
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return server.getsockname()[1]
+
+
+def test_a_cluster_that_is_not_there_is_told_in_one_sentence(monkeypatch, tmp_path):
+    for address in (
+        f"127.0.0.1:{free_port()}", f"ray://127.0.0.1:{free_port()}", "no.such.host.invalid:6379",
+        "127.0.0.1", "host:port",
+    ):  # fmt: skip
+        monkeypatch.setenv("RAY_ADDRESS", address)
+        with (
+            pytest.raises(TactileError, match=f"RAY_ADDRESS={address} names") as refused,
+            running_ray(1, tmp_path / "token"),
+        ):
+            pass
+        assert "\n" not in str(refused.value)
+
+
+def test_something_else_at_the_address_is_told_too(silent, monkeypatch):
+    monkeypatch.setattr(cluster, "ANSWER_SECONDS", 10)
+    with pytest.raises(TactileError, match="cannot be reached"):
+        check_answers(silent)
+
+
+def test_a_cluster_that_answers_is_taken(address):
+    check_answers(address)
+
+
+def test_sockets_lie_where_their_paths_are_short_enough(monkeypatch, tmp_path):
+    long = tmp_path / ("slurm-" + "x" * 90)
+    long.mkdir()
+    monkeypatch.setenv("RAY_TMPDIR", str(long))
+    assert str(short_folder()) == "/tmp"
+    monkeypatch.setenv("RAY_TMPDIR", "/var/tmp")
+    assert str(short_folder()) == "/var/tmp"

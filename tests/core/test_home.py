@@ -1,0 +1,58 @@
+"""The home is the one that was named, or nothing is done."""
+
+import os
+
+import pytest
+
+from tactile_core.errors import TactileError
+from tactile_core.home import check_one_home, default_home, find_home
+
+
+def test_a_home_that_is_not_there_yet_is_made(tmp_path):
+    home = tmp_path / "ümläut 日本" / "[1]{a}:b#1 50% off"
+    assert find_home({"TACTILE_HOME": str(home)}) == home
+    assert home.is_dir()
+
+
+def test_without_a_name_it_lies_in_the_checkout():
+    assert default_home().name == ".tactile"
+    assert find_home({"TACTILE_HOME": ""}) == default_home().resolve()
+
+
+def test_a_home_is_the_same_by_every_way_there(tmp_path, monkeypatch):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    ways = ["real", "real/", "./link", "~/link", str(tmp_path / "link" / ".." / "real")]
+    assert {find_home({"TACTILE_HOME": way}) for way in ways} == {tmp_path / "real"}
+
+
+@pytest.mark.parametrize("name", ["q?x", "My%20Project", "two\nlines", "a%2Fb"])
+def test_a_name_that_dagster_s_database_cannot_have_is_refused(tmp_path, name):
+    with pytest.raises(TactileError, match="cannot be used") as refused:
+        find_home({"TACTILE_HOME": str(tmp_path / name)})
+    assert "\n" not in str(refused.value)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_file_or_what_lies_below_one_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    for home in ("file", "file/below", "/proc/nowhere/below"):
+        with pytest.raises(TactileError, match="cannot be made") as refused:
+            find_home({"TACTILE_HOME": str(tmp_path / home)})
+        assert home in str(refused.value)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_may_not_be_written_to_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(TactileError, match="cannot be written to"):
+        find_home({"TACTILE_HOME": str(tmp_path)})
+
+
+def test_dagster_s_records_lie_in_the_home_or_nothing_is_done(tmp_path):
+    check_one_home(tmp_path, {})
+    check_one_home(tmp_path, {"DAGSTER_HOME": f"{tmp_path}/dagster/"})
+    with pytest.raises(TactileError, match="activate the environment again"):
+        check_one_home(tmp_path, {"DAGSTER_HOME": str(tmp_path / "other" / "dagster")})
