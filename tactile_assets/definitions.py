@@ -8,6 +8,7 @@ shapenet_meshes → masks → rotated_splits → outlines → tactile_samples
                                                                      │
                                              per_step_evaluation, per_grasp_evaluation
 
+Where the profile practises, practice_rays stand between unet_search and unet, which reads them.
 Where TACTILE_REAL names real meshes, both evaluations are made on those as well: real_shapes,
 real_per_step_evaluation, real_per_grasp_evaluation.
 """

@@ -12,9 +12,8 @@ from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.dataset import decoded
 from tactile_assets.evaluation import (
+    CODE,
     EVALUATION,
-    PER_GRASP,
-    PER_STEP,
     TRAINED,
     PerGraspConfig,
     PerStepConfig,
@@ -33,6 +32,9 @@ if TYPE_CHECKING:
 MESHES = PROFILE.meshes.model_copy(update={"location": PROFILE.real})
 PREFIX = "real_"  # of the figures: those of the test split stay
 AFTER = after(*TRAINED, "real_shapes")
+# Real samples have no asset of their outlines: the evaluations trace them.
+PER_STEP = code_version(*CODE, "dataset.outlines", PROFILE.per_step)
+PER_GRASP = code_version(*CODE, "dataset.outlines", PROFILE.per_grasp)
 
 
 @defaults(MESHES)

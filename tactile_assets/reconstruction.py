@@ -92,7 +92,7 @@ def practice_rays(
     """
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.practice.practice import practise
-    from tactile_core.reconstruction.search import with_best_trial
+    from tactile_core.reconstruction.hyperparameters import with_best_trial
 
     table = practise(
         load_shapes(rotated_splits, outlines, "train"),
@@ -143,7 +143,7 @@ def unet(
     from tactile_core.exploration.practice.ray_touches import practised, rays_and_outlines
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
-    from tactile_core.reconstruction.search import with_best_trial
+    from tactile_core.reconstruction.hyperparameters import with_best_trial
     from tactile_core.reconstruction.training import train_unet
 
     work = store.work("unet")

@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,9 +18,7 @@ from tactile_core.cluster import running_ray
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction.trial import run_trial
-from tactile_core.settings import NetSettings, SearchSettings
-
-AnyNetSettings = TypeVar("AnyNetSettings", bound=NetSettings)
+from tactile_core.settings import SearchSettings
 
 
 def search_unet(
@@ -58,19 +56,6 @@ def search_unet(
     table.insert(0, "trial", table.index + 1)
     progress(f"U-Net search: best of {len(table)} trials has eval Jaccard {table.jaccard[0]:.1f}")
     return table
-
-
-def with_best_trial(settings: AnyNetSettings, search: pd.DataFrame) -> AnyNetSettings:
-    """`settings` with every empty hyperparameter taken from the trial with the lowest loss."""
-    best = search.loc[search["loss"].idxmin()]
-    found = {
-        "learning_rate": float(best["learning_rate"]),
-        "batch_size": int(best["batch_size"]),
-        "depth": int(best["depth"]),
-        "channels": int(best["channels"]),
-    }
-    empty = {name: value for name, value in found.items() if getattr(settings, name) is None}
-    return settings.model_copy(update=empty)
 
 
 @contextmanager

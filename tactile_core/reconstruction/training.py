@@ -23,6 +23,7 @@ from tactile_core.reconstruction.batches import (
     felt_outlines,
     training_batches,
 )
+from tactile_core.reconstruction.hyperparameters import required
 from tactile_core.reconstruction.inference import best_device, bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack, picked, unpack
@@ -168,7 +169,7 @@ def train_unet(
     """Train to the end and return the weights of the epoch with the lowest eval loss.
 
     `settings` must name learning rate, batch size, depth and channels (see
-    `search.with_best_trial`). The rate warms up over the first epoch and then falls along
+    `hyperparameters.with_best_trial`). The rate warms up over the first epoch and then falls along
     a cosine. `work` receives TensorBoard curves and a checkpoint after each epoch: a
     training killed and started again with equal inputs goes on where it was, to the same
     result. `touches` replaces the uniform draw of outline touches; it must draw free
@@ -236,17 +237,6 @@ def train_unet(
         scores={name: kept[name] for name in ("epoch", "eval_loss", "eval_jaccard")},
         curve=pd.DataFrame(curve),
     )
-
-
-def required(settings: UNetSettings) -> tuple[float, int, int, int]:
-    """Learning rate, batch size, depth and channels; `TactileError` where one is empty."""
-    values = settings.learning_rate, settings.batch_size, settings.depth, settings.channels
-    if None in values:
-        raise TactileError(
-            "U-Net settings lack learning_rate, batch_size, depth or channels: give them, or "
-            "materialise unet_search and take its best trial"
-        )
-    return values  # type: ignore[return-value]
 
 
 def set_rate(training: UNetTraining, rate: float, epochs_done: float, epochs: int) -> None:

@@ -1,5 +1,6 @@
 """Keys: what was made before is taken for what would be made now only where nothing differs."""
 
+import ast
 import json
 import os
 import shutil
@@ -73,6 +74,25 @@ def test_the_versions_of_the_libraries_that_compute_count(monkeypatch):
     before = code_version.__wrapped__("dataset.outlines")
     monkeypatch.setattr(keys, "installed_version", lambda library: "another")
     assert code_version.__wrapped__("dataset.outlines") != before
+
+
+# Libraries that carry, store and show, and compute nothing that is stored.
+CARRY = {
+    "OpenGL", "filelock", "fsspec", "matplotlib", "pandas", "pyarrow", "pydantic",
+    "pyrender", "requests", "safetensors", "tensorboard", "upath", "urllib3",
+}  # fmt: skip
+
+
+def test_every_library_counts_that_computes_something():
+    """One that is new stands in `keys.LIBRARIES`, or here."""
+    files = Path(tactile_core.__file__).parent.rglob("*.py")
+    trees = [ast.parse(file.read_bytes()) for file in files]
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)]
+    imported = {name.partition(".")[0] for name in names} - sys.stdlib_module_names
+    assert imported - CARRY - {"tactile_core"} <= set(keys.LIBRARIES)
+    assert all(keys.installed_version(name) for name in keys.LIBRARIES)
 
 
 # What is made, by which code it is decided, and a change there that a reader would call one.

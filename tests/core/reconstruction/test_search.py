@@ -12,11 +12,11 @@ from tactile_core.cluster import QUIET_RAY, running_ray
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction import search as search_module
 from tactile_core.reconstruction.batches import draw_touch_sets
+from tactile_core.reconstruction.hyperparameters import with_best_trial
 from tactile_core.reconstruction.search import (
     resources_per_trial,
     search_unet,
     seeded,
-    with_best_trial,
 )
 from tactile_core.reconstruction.training import (
     begin_training,
