@@ -10,12 +10,13 @@ package that it imports and the versions of the libraries that those import.
 
 import ast
 import functools
-import hashlib
 import importlib.metadata
+import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 from tactile_core.settings import Settings
 
@@ -40,26 +41,40 @@ def work_key(
 ) -> str:
     """The key of something that `modules` of the core, such as "dataset.splits", make.
 
-    settings : those that its result depends on
+    settings : those that its result depends on, as JSON can hold them
     inputs : the version of each input by name: a hash of its content, or the key it was made under
+
+    Raises `TactileError` where the code was changed after this process had read it.
     """
+    check_unchanged(modules)
     chosen = settings.model_dump() if isinstance(settings, Settings) else dict(settings or {})
-    return content_hash(
-        code_version(*modules), sorted(chosen.items()), seed, sorted(inputs.items())
-    )
+    parts = {"settings": chosen, "seed": seed, "inputs": inputs}
+    return content_hash(code_version(*modules), json.dumps(parts, sort_keys=True))
 
 
 @functools.cache
 def code_version(*modules: str) -> str:
     """The version of the code in `modules` of the core and of all that they run (12 hex digits)."""
-    found = closure([f"{CORE}.{module}" for module in modules])
+    found = closure(modules)
     return content_hash(*(code_of(module) for module in found), libraries(found))[:12]
 
 
-def closure(modules: list[str]) -> list[str]:
-    """These modules and all of the core that they import, sorted."""
+def check_unchanged(modules: tuple[str, ...]) -> None:
+    """Raise `TactileError` where the code of `modules`, or of what they import, is another by now
+    than it was when this process first looked: nobody could tell which of the two has run."""
+    for module in closure(modules):
+        if changed_on_disk(module):
+            raise TactileError(
+                f"{module} was changed while this process was running: start again, so that one "
+                "version of the code makes it all"
+            )
+
+
+@functools.cache
+def closure(modules: tuple[str, ...]) -> list[str]:
+    """The full names of `modules` of the core and of all of it that they import, sorted."""
     found: set[str] = set()
-    waiting = list(modules)
+    waiting = [f"{CORE}.{module}" for module in modules]
     while waiting:
         module = waiting.pop()
         if module not in found | APART:
@@ -108,24 +123,48 @@ def imported_names(module: str) -> tuple[str, ...]:
 
 @functools.cache
 def code_of(module: str) -> str:
-    return hashlib.sha256(f"{module}:{ast.dump(parsed(module))}".encode()).hexdigest()
+    return content_hash(module, ast.dump(parsed(module)))
 
 
 @functools.cache
 def parsed(module: str) -> ast.Module:
+    """A module's code as it was when this process first looked."""
+    written_at(module)
+    return read(module)
+
+
+def read(module: str) -> ast.Module:
     """A module's code without its docstrings; comments are gone as well."""
-    file = source(module)
-    assert file is not None, f"there is no {module}"
-    return without_docstrings(ast.parse(file.read_bytes()))
-
-
-def without_docstrings(tree: ast.Module) -> ast.Module:
+    tree = ast.parse(file_of(module).read_bytes())
     for node in ast.walk(tree):
         if isinstance(node, NAMED) and ast.get_docstring(node, clean=False) is not None:
             del node.body[0]
     return tree
 
 
+@functools.cache
+def written_at(module: str) -> int:
+    """When a module's file was last written, as this process first saw it; in nanoseconds."""
+    return file_of(module).stat().st_mtime_ns
+
+
+def changed_on_disk(module: str) -> bool:
+    """Whether a module has other code by now than `parsed` found, or is gone."""
+    try:
+        if file_of(module).stat().st_mtime_ns == written_at(module):
+            return False
+        return ast.dump(read(module)) != ast.dump(parsed(module))
+    except (FileNotFoundError, SyntaxError):  # removed, or half written
+        return True
+
+
+def file_of(module: str) -> Path:
+    file = source(module)
+    assert file is not None, f"there is no {module}"
+    return file
+
+
+@functools.cache
 def source(module: str) -> Path | None:
     """The file of a module of the core or the `__init__.py` of a package; None for other names."""
     place = FOLDER.joinpath(*module.split(".")[1:])

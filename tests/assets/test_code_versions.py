@@ -64,9 +64,8 @@ from tactile_core import keys
 of_parts, counted = code_versions.code_version, {}
 
 def noted(*parts):
-    modules = [f"tactile_core.{part}" for part in parts if isinstance(part, str)]
     version = of_parts(*parts)
-    counted[version] = keys.closure(modules)
+    counted[version] = keys.closure(tuple(part for part in parts if isinstance(part, str)))
     return version
 
 code_versions.code_version = noted

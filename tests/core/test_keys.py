@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import tactile_core
@@ -18,9 +18,10 @@ from tactile_core.keys import closure, code_version, work_key
 from tactile_core.settings import UNetSettings
 
 words = st.text("abc", min_size=1, max_size=4)
+values = st.integers() | st.floats(allow_nan=False) | st.booleans() | words | st.none()
 parts = st.fixed_dictionaries(
     {
-        "settings": st.dictionaries(words, st.integers() | words | st.none(), max_size=4),
+        "settings": st.dictionaries(words, values | st.dictionaries(words, values), max_size=4),
         "seed": st.integers(0, 9),
         "inputs": st.dictionaries(words, words, max_size=3),
     }
@@ -35,16 +36,41 @@ def key_of(part) -> str:
 
 @given(one=parts, other=parts)
 def test_keys_are_equal_where_all_parts_are_and_nowhere_else(one, other):
-    assert (key_of(one) == key_of(other)) == (one == other)
+    assert (key_of(one) == key_of(other)) == (exact(one) == exact(other))
+
+
+@given(part=parts, data=st.data())
+def test_one_other_part_is_another_key(part, data):
+    name = data.draw(st.sampled_from(sorted(part)))
+    other = {**part, name: data.draw(parts)[name]}
+    assume(exact(other) != exact(part))
+    assert key_of(other) != key_of(part)
+    assert work_key("dataset.splits", settings=part["settings"]) != key_of(part)
 
 
 @given(part=parts)
 def test_the_order_in_which_parts_are_named_does_not_matter(part):
-    turned = {
-        name: dict(reversed(value.items())) if isinstance(value, dict) else value
-        for name, value in part.items()
-    }
-    assert key_of(turned) == key_of(part)
+    assert key_of(turned(part)) == key_of(part)
+
+
+def turned(value):
+    """`value` with every dict in it, however deep, in the other order."""
+    if not isinstance(value, dict):
+        return value
+    return {name: turned(part) for name, part in reversed(value.items())}
+
+
+def exact(value):
+    """Equal only where types are too: 1, 1.0 and True are three settings."""
+    if isinstance(value, dict):
+        return {name: exact(part) for name, part in value.items()}
+    return repr(value)
+
+
+def test_a_setting_that_is_no_plain_value_is_an_error():
+    """Its `repr` may be an address, or leave out what it does."""
+    with pytest.raises(TypeError):
+        work_key("dataset.splits", settings={"reward": object()})
 
 
 def test_settings_count_by_name_and_value():
@@ -60,7 +86,7 @@ def test_code_of_different_modules_has_different_versions():
 
 
 def test_imports_are_followed_inside_functions_and_through_packages():
-    followed = closure(["tactile_core.exploration.practice.practice"])
+    followed = closure(("exploration.practice.practice",))
     assert "tactile_core.dataset.seeds" in followed
     assert "tactile_core.reconstruction.known_shapes" in followed
     assert "tactile_core.exploration" in followed
@@ -68,7 +94,7 @@ def test_imports_are_followed_inside_functions_and_through_packages():
 
 
 def test_the_versions_of_the_libraries_that_compute_count(monkeypatch):
-    found = dict(keys.libraries(closure(["tactile_core.dataset.outlines"])))
+    found = dict(keys.libraries(closure(("dataset.outlines",))))
     assert {"numpy", "scipy"} <= set(found)
     assert "torch" not in found
     before = code_version.__wrapped__("dataset.outlines")
@@ -76,22 +102,60 @@ def test_the_versions_of_the_libraries_that_compute_count(monkeypatch):
     assert code_version.__wrapped__("dataset.outlines") != before
 
 
+EDITED = r"""
+import sys
+from pathlib import Path
+from tactile_core.keys import FOLDER, work_key
+from tactile_core.errors import TactileError
+first = work_key("reconstruction.training")
+module = FOLDER / "reconstruction" / "jaccard.py"
+text = module.read_text()
+for new in ("# another comment\n" + text, "X = 1\n" + text, text[:40]):
+    module.write_text(new)
+    try:
+        print(work_key("reconstruction.training") == first)
+    except TactileError as error:
+        print(error)
+    print(len(work_key("dataset.outlines")))
+module.unlink()
+try:
+    work_key("reconstruction.training")
+except TactileError as error:
+    print(error)
+"""
+
+
+def test_code_that_was_changed_while_a_process_runs_is_refused(tmp_path):
+    """It may have read one version of a module, and another one of the next."""
+    shutil.copytree(Path(tactile_core.__file__).parent, tmp_path / "tactile_core")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", EDITED], cwd=tmp_path, env=environment,
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    refused = "tactile_core.reconstruction.jaccard was changed while this process was running"
+    comment, _, code, _, cut, _, gone = done.stdout.splitlines()
+    assert comment == "True"
+    for said in (code, cut, gone):
+        assert said.startswith(refused)
+
+
 # Libraries that carry, store and show, and compute nothing that is stored.
 CARRY = {
-    "OpenGL", "filelock", "fsspec", "matplotlib", "pandas", "pyarrow", "pydantic",
+    "OpenGL", "filelock", "fsspec", "matplotlib", "pandas", "platformdirs", "pyarrow", "pydantic",
     "pyrender", "requests", "safetensors", "tensorboard", "upath", "urllib3",
 }  # fmt: skip
 
 
 def test_every_library_counts_that_computes_something():
-    """One that is new stands in `keys.LIBRARIES`, or here."""
+    """One that is new goes into `keys.LIBRARIES`, or into `CARRY` above."""
     files = Path(tactile_core.__file__).parent.rglob("*.py")
     trees = [ast.parse(file.read_bytes()) for file in files]
     nodes = [node for tree in trees for node in ast.walk(tree)]
     names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
     names += [str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)]
     imported = {name.partition(".")[0] for name in names} - sys.stdlib_module_names
-    assert imported - CARRY - {"tactile_core"} <= set(keys.LIBRARIES)
+    assert imported - CARRY - {"tactile_core"} - set(keys.LIBRARIES) == set()
     assert all(keys.installed_version(name) for name in keys.LIBRARIES)
 
 

@@ -118,16 +118,16 @@ def mask_keys(wanted: pd.DataFrame, resolution: int) -> list[str]:
 
     Not the renderer, as both give equal pixels. The same bytes may be read in more than one format.
     """
-    columns = wanted["content_hash"], wanted["file"], wanted["rotation"].map(float)
+    rendering = work_key("dataset.rendering.silhouettes", settings={"resolution": resolution})
+    columns = wanted["content_hash"], wanted["file"], wanted["rotation"].map(float.hex)
     return [
-        work_key(
-            "dataset.rendering.silhouettes",
-            settings={"resolution": resolution, "rotation": rotation},
-            mesh=mesh,
-            format=PurePosixPath(file).suffix.lower(),
-        )
+        work_key(rendering=rendering, mesh=mesh, format=suffix_of(file), rotation=rotation)
         for mesh, file, rotation in zip(*columns, strict=True)
     ]
+
+
+def suffix_of(file: str) -> str:
+    return PurePosixPath(file).suffix.lower()
 
 
 def render_jobs(

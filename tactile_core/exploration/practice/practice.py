@@ -4,6 +4,7 @@ A U-Net meets the touches that policies make, and those are neither uniform nor 
 first U-Net is trained, then a ray scorer on it, and its rays on the train shapes are recorded.
 """
 
+import contextlib
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ import pandas as pd
 from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.gain_learner import train_scorer
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.references import find_reference
@@ -103,7 +105,7 @@ def first_unet(
         train=train.version, eval=eval_shapes.version, touches=touches.key,
     )  # fmt: skip
     kept = UPath(work / key)
-    if (kept / "settings.json").exists():
+    with contextlib.suppress(TactileError):  # there is none yet, or it is damaged
         return load_unet(kept)
     unet = train_unet(
         train, eval_shapes, net_settings, work=work, touches=touches,

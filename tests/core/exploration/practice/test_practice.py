@@ -80,6 +80,10 @@ def test_practice_killed_after_the_first_unet_trains_none_again(
     assert table_hash(resumed) == table_hash(whole)
     with pytest.raises(NameError):
         practise(*splits, QUICK.model_copy(update={"seed": 1}), work=tmp_path / "changed")
+    for weights in (tmp_path / "changed").rglob("model.safetensors"):
+        weights.write_bytes(b"damaged")
+    with pytest.raises(NameError):
+        practise(*splits, QUICK, work=tmp_path / "changed")
 
 
 def test_strays_are_as_many_as_asked(small_shapes, reconstructor_48):
