@@ -43,7 +43,8 @@ def masks(resolution: int = RESOLUTION) -> np.ndarray:
 def shapes(all_masks: np.ndarray) -> Shapes:
     """Masks with their outlines."""
     names = np.array([f"mesh-{number}" for number in range(len(all_masks))])
-    return Shapes(all_masks, [outline(mask) for mask in all_masks], names, names, names)
+    outlines = [outline(mask) for mask in all_masks]
+    return Shapes(all_masks, outlines, names, names, names, names)
 
 
 @functools.cache
@@ -56,4 +57,4 @@ def untrained(resolution: int = RESOLUTION) -> TrainedUNet:
 def as_trained(net: UNet, resolution: int) -> TrainedUNet:
     """The weights of a net as the value that a `Reconstructor` is made from."""
     weights = {name: value.cpu().contiguous() for name, value in net.state_dict().items()}
-    return TrainedUNet(weights, resolution, DEPTH, CHANNELS, {}, {}, pd.DataFrame())
+    return TrainedUNet(weights, resolution, DEPTH, CHANNELS, {}, {}, pd.DataFrame(), pd.DataFrame())

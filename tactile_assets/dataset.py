@@ -142,6 +142,7 @@ def rotated_splits(
         samples=len(table),
         by_split=counts(table, "split", "category"),
         models=counts(table.drop_duplicates("model_id"), "split", "category"),
+        copies=table["model_id"].nunique() - table["copy_of"].nunique(),
         sheet=store.picture("rotated_splits.png", png(mask_sheet(pictures, categories))),
     )
 

@@ -35,6 +35,11 @@ EVALUATION: dict[str, Any] = {
     "kinds": {"pytorch", "matplotlib", "parquet"},
     **wing("evaluation"),
 }
+# What helps where a test model was trained on: in the test split, and among real meshes.
+REMEDY = {
+    False: "the splits have been dealt anew since, materialise unet and policies again",
+    True: "TACTILE_REAL must name other meshes than those of the data set",
+}
 TRAINED = ("unet", "policies")  # an evaluation is made anew where one of these is new
 CODE = "evaluation.protocols", "exploration.policies.store"
 PER_STEP = code_version(*CODE, PROFILE.per_step)
@@ -97,12 +102,14 @@ def per_step(
 ) -> dg.MaterializeResult:
     """Figure 4's table on any shapes, with its figures under names that begin with `prefix`."""
     from tactile_core.evaluation.protocols import evaluate_per_step
+    from tactile_core.evaluation.unseen import refuse_known
     from tactile_core.exploration.policies.store import load_policies
     from tactile_core.figures.animation import rollout_gif
     from tactile_core.figures.rollouts import runs_figure, steps_figure
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.inference import Reconstructor
 
+    refuse_known(test, seen_by(unet, policies), by_name=not prefix, remedy=REMEDY[bool(prefix)])
     trained = load_policies(policies, unet.version(), unet.resolution)
     reconstructor = Reconstructor(unet)
     table = evaluate_per_step(trained, test, reconstructor, config, progress)
@@ -127,12 +134,21 @@ def per_grasp(
 ) -> dg.MaterializeResult:
     """Figure 5's table on any shapes, with its figure under a name that begins with `prefix`."""
     from tactile_core.evaluation.protocols import evaluate_per_grasp
+    from tactile_core.evaluation.unseen import refuse_known
     from tactile_core.exploration.policies.store import load_policies
     from tactile_core.reconstruction.inference import Reconstructor
 
+    refuse_known(test, seen_by(unet, policies), by_name=not prefix, remedy=REMEDY[bool(prefix)])
     trained = load_policies(policies, unet.version(), unet.resolution)
     table = evaluate_per_grasp(trained, test, Reconstructor(unet), config, progress)
     return stored(table, **curve(table, "grasp", config, store, prefix))
+
+
+def seen_by(unet: TrainedUNet, policies: list[UPath]) -> dict[str, pd.DataFrame]:
+    """The models that the U-Net and each policy were trained on."""
+    from tactile_core.exploration.policies.store import trained_on
+
+    return {"the U-Net": unet.trained_on, **trained_on(policies)}
 
 
 def curve(

@@ -193,11 +193,16 @@ def reconstruction_evaluation(
     """
     from tactile_core.dataset.shapes import SPLITS, load_shapes
     from tactile_core.evaluation.tables import reconstruction_rows
+    from tactile_core.evaluation.unseen import refuse_known
     from tactile_core.figures.curves import touches_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.scores import evaluate_reconstruction
 
     shapes = {split: load_shapes(rotated_splits, outlines, split) for split in SPLITS}
+    refuse_known(
+        shapes["test"], {"the U-Net": unet.trained_on}, by_name=True,
+        remedy="the splits have been dealt anew since, materialise unet again",
+    )  # fmt: skip
     table = evaluate_reconstruction(unet, shapes, tactile_samples, progress=context.log.info)
     return stored(
         table,

@@ -11,8 +11,8 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 WINGS = ["dataset", "reconstruction", "exploration", "evaluation"]
 ROOMS = {
     "dataset": [
-        "seeds", "sources", "procedural", "meshes", "rendering", "splits", "outlines", "shapes",
-        "touches", "real",
+        "seeds", "sources", "procedural", "geometry", "meshes", "rendering", "copies", "splits",
+        "outlines", "shapes", "touches", "real",
     ],
     "exploration": ["world", "policies", "learning", "practice"],
 }  # fmt: skip

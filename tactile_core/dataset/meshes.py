@@ -15,6 +15,7 @@ import pandas as pd
 import trimesh
 from upath import UPath
 
+from tactile_core.dataset.geometry import geometry_hash
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
 from tactile_core.dataset.sources.archives import one_line, open_archive, read_member, safe_members
 from tactile_core.dataset.sources.layouts import SUFFIXES, MeshFile, find_models, with_unique_ids
@@ -44,6 +45,7 @@ COLUMNS = {
     "vertices": int,
     "faces": int,
     "content_hash": str,
+    "geometry": str,
     "status": str,
 }
 
@@ -62,7 +64,8 @@ def collect_meshes(
 
     Returns one row per mesh found, sorted by category and model id: model_id, category,
     synset, source ("procedural", "archive" or "folder"), file (below `root`), vertices,
-    faces, content_hash (of the file's bytes) and status: "ok", or why the mesh is set aside.
+    faces, content_hash (of the file's bytes), geometry (see `geometry_hash`) and status: "ok", or
+    why the mesh is set aside.
     A mesh set aside is not under `root`, and has no vertices and faces; one that could not
     even be read has an empty content_hash.
 
@@ -168,7 +171,7 @@ def _read_file(path: UPath) -> bytes:
 def _collect(mesh: MeshFile, root: UPath, present: dict[str, int]) -> dict[str, object]:
     """Look at one mesh and, if it can be used, see that it lies under `root`."""
     row: dict[str, object] = {name: getattr(mesh, name) for name in COLUMNS if hasattr(mesh, name)}
-    row |= {"vertices": 0, "faces": 0, "content_hash": ""}
+    row |= {"vertices": 0, "faces": 0, "content_hash": "", "geometry": ""}
     try:
         data = mesh.read()
         row["content_hash"] = content_hash(data)
@@ -183,6 +186,7 @@ def _collect(mesh: MeshFile, root: UPath, present: dict[str, int]) -> dict[str, 
     return row | {
         "vertices": len(checked.vertices),
         "faces": len(checked.faces),
+        "geometry": geometry_hash(checked.vertices, checked.faces),
         "status": "ok",
     }
 

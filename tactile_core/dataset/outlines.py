@@ -11,6 +11,7 @@ import pandas as pd
 from scipy import ndimage
 
 from tactile_core.dataset.rendering.pictures import decode_masks
+from tactile_core.files import content_hash
 
 EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
 
@@ -25,7 +26,11 @@ def outline(mask: np.ndarray) -> np.ndarray:
 
 
 def trace_outlines(rotated_splits: pd.DataFrame) -> pd.DataFrame:
-    """The outline of every sample: sample_id, model_id, category, split, outline."""
+    """The outline of every sample: sample_id, model_id, category, split, outline, mask_hash.
+
+    A sample keeps its id when it is rotated otherwise: the hash of its mask tells which one it was.
+    """
     table = rotated_splits[["sample_id", "model_id", "category", "split"]].reset_index(drop=True)
     outlines = [outline(decode_masks([png])[0]) for png in rotated_splits["mask"]]
-    return table.assign(outline=pd.Series(outlines, dtype=object))
+    hashes = rotated_splits["mask"].map(content_hash).to_numpy()
+    return table.assign(outline=pd.Series(outlines, dtype=object), mask_hash=hashes)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 from upath import UPath
 
+from tactile_core.dataset.copies import find_copies
 from tactile_core.dataset.meshes import collect_meshes
 from tactile_core.dataset.rendering.silhouettes import render_masks
 from tactile_core.dataset.splits import rotate
@@ -34,11 +35,8 @@ def render_real(
     masks = render_masks(manifest, root, mask_settings, progress=progress)
     looked_at = pd.concat([manifest, masks])[["model_id", "category", "status"]]
     files = manifest[["model_id", "file"]]
-    models = (
-        masks[masks["status"] == "ok"]
-        .drop(columns=["mask", "key"])
-        .merge(files)
-        .assign(split="test")
-    )
+    usable = masks[masks["status"] == "ok"]
+    usable = usable.assign(copy_of=find_copies(usable), split="test")
+    models = usable.drop(columns=["mask", "key"]).merge(files)
     samples = rotate(models, root, mask_settings, split_settings, previous, progress)
     return samples, looked_at[looked_at["status"] != "ok"].reset_index(drop=True)

@@ -19,7 +19,7 @@ class Shapes:
 
     masks : (N, R, R) bool
     outlines : list of N arrays (K_i, 2) int16, outline pixels as (row, column)
-    sample_ids, model_ids, categories : (N,) str arrays
+    sample_ids, model_ids, categories, geometries : (N,) str arrays, see `geometry_hash`
     """
 
     masks: np.ndarray
@@ -27,6 +27,7 @@ class Shapes:
     sample_ids: np.ndarray
     model_ids: np.ndarray
     categories: np.ndarray
+    geometries: np.ndarray
 
     def __len__(self) -> int:
         return len(self.masks)
@@ -42,7 +43,10 @@ class Shapes:
             self.masks.shape,
             np.packbits(self.masks).tobytes(),
             *(outline.tobytes() for outline in self.outlines),
-            *(names.tolist() for names in (self.sample_ids, self.model_ids, self.categories)),
+            self.sample_ids.tolist(),
+            self.model_ids.tolist(),
+            self.categories.tolist(),
+            self.geometries.tolist(),
         )
 
     def select(self, indices: np.ndarray) -> "Shapes":
@@ -53,13 +57,19 @@ class Shapes:
             sample_ids=self.sample_ids[indices],
             model_ids=self.model_ids[indices],
             categories=self.categories[indices],
+            geometries=self.geometries[indices],
         )
+
+    def models(self) -> pd.DataFrame:
+        """The models that these shapes are of, each once: model_id, geometry."""
+        table = pd.DataFrame({"model_id": self.model_ids, "geometry": self.geometries})
+        return table.drop_duplicates("model_id", ignore_index=True)
 
 
 def load_shapes(rotated_splits: pd.DataFrame, outlines: pd.DataFrame, split: str) -> Shapes:
     """The shapes of `split` ("train", "eval" or "test"), in the order of `rotated_splits`.
 
-    Raises `TactileError` where the split is empty or a sample has no outline.
+    Raises `TactileError` where the split is empty, or a sample has no outline or another mask's.
     """
     rows = rotated_splits[rotated_splits["split"] == split]
     if rows.empty:
@@ -71,12 +81,20 @@ def load_shapes(rotated_splits: pd.DataFrame, outlines: pd.DataFrame, split: str
             f"{len(missing)} samples have no outline (first: {min(missing)}): "
             "materialise outlines again"
         )
+    of_masks = outlines.set_index("sample_id")["mask_hash"].reindex(rows["sample_id"])
+    others = of_masks.to_numpy() != rows["mask"].map(content_hash).to_numpy()
+    if others.any():
+        raise TactileError(
+            f"{others.sum()} outlines are those of other masks (first: "
+            f"{rows['sample_id'].iloc[int(others.argmax())]}): materialise outlines again"
+        )
     return Shapes(
         masks=decode_masks(rows["mask"]),
         outlines=[as_points(by_sample[sample]) for sample in rows["sample_id"]],
         sample_ids=rows["sample_id"].to_numpy(dtype=str),
         model_ids=rows["model_id"].to_numpy(dtype=str),
         categories=rows["category"].to_numpy(dtype=str),
+        geometries=rows["geometry"].to_numpy(dtype=str),
     )
 
 

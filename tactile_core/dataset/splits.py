@@ -1,12 +1,14 @@
 """Train, eval and test splits by model, and rotated masks of each (report, section IV)."""
 
 import math
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
 from upath import UPath
 
+from tactile_core.dataset.copies import find_copies
 from tactile_core.dataset.rendering.silhouettes import EMPTY, draw, mask_keys
 from tactile_core.dataset.seeds import generator, name_hash
 from tactile_core.errors import TactileError
@@ -19,6 +21,8 @@ COLUMNS = [
     "split",
     "rotation",
     "content_hash",
+    "geometry",
+    "copy_of",
     "resolution",
     "mask",
     "key",
@@ -26,43 +30,73 @@ COLUMNS = [
 
 
 def split_models(masks: pd.DataFrame, settings: SplitSettings) -> pd.DataFrame:
-    """The split of every model that has a mask: model_id, category, split.
+    """The split of every model that has a mask: model_id, category, split, copy_of.
 
     Stratified by category: eval and test take their share of each category, rounded to the
-    nearest whole model, and train takes the rest; with three models or more a category has at
-    least one in every split. Of 214 mugs and 498 bottles 71 go to test: with five rotations
+    nearest whole model, and train takes the rest; with three different objects or more a category
+    has at least one in every split. Of 214 mugs and 498 bottles 71 go to test: with five rotations
     355 samples, where the report's 356 cannot be a number of whole models.
 
-    The models of a category line up by a hash of seed and id and are dealt out from there, so
-    the split depends on nothing else, and one more model moves at most one other per boundary.
-    Raises `TactileError` with fewer than three models.
+    Copies of one object (see `copies`) are dealt as one, so none stands in two splits, and one of
+    more copies than a split still wants goes to train. The objects of a category line up by a hash
+    of seed and id and are dealt out from there, so the split depends on nothing else, and one more
+    model moves at most one other per boundary. Raises `TactileError` with fewer than three objects.
     """
-    usable = masks.loc[masks["status"] == "ok", ["model_id", "category", "content_hash"]]
+    usable = masks[masks["status"] == "ok"].reset_index(drop=True)
     twice = usable.loc[usable["model_id"].duplicated(), "model_id"]
     if len(twice):
         raise TactileError(
             f"model {twice.iloc[0]} stands in masks twice: give each mesh its own id"
         )
-    if len(usable) < 3:
-        raise TactileError(
-            f"{len(usable)} models have a mask, and train, eval and test need one each: "
-            "add meshes, or look at the status column of masks"
-        )
+    copy_of = find_copies(usable)
+    if copy_of.nunique() < 3:
+        raise TactileError(too_few(usable, copy_of))
     rank = usable["model_id"].map(lambda model: name_hash(settings.seed, model))
-    queue = usable.assign(rank=rank).sort_values(["category", "rank", "model_id"])
-    splits = []
+    queue = usable[["model_id", "category"]].assign(rank=rank, copy_of=copy_of)
+    queue = queue.sort_values(["category", "rank", "model_id"])
+    split_of: dict[str, str] = {}
     for _, models in queue.groupby("category", sort=True):
-        tests, evals = _counts(len(models), settings)
-        splits += ["test"] * tests + ["eval"] * evals
-        splits += ["train"] * (len(models) - tests - evals)
+        deal(models["copy_of"], settings, split_of)
     for split in ("test", "eval"):  # every category may be too small to fill it
-        if split not in splits:
-            splits[splits.index("train")] = split
-    table = queue.assign(split=splits)
-    # ShapeNet holds some meshes under two ids: all copies go where the first one went.
-    table["split"] = table.groupby("content_hash", sort=False)["split"].transform("first")
-    table = table.drop(columns=["rank", "content_hash"])
+        if split not in split_of.values():
+            split_of[smallest(queue["copy_of"], split_of)] = split
+    table = queue.assign(split=queue["copy_of"].map(split_of)).drop(columns="rank")
     return table.sort_values(["category", "model_id"]).reset_index(drop=True)
+
+
+def deal(objects: pd.Series, settings: SplitSettings, split_of: dict[str, str]) -> None:
+    """Deal the objects of one category, given for each of its models in the order of the queue, to
+    splits, in `split_of`. Objects that another category has dealt stay where they are."""
+    tests, evals = _counts(len(objects), settings)
+    sizes = objects.value_counts()
+    own = [name for name in objects.drop_duplicates() if name not in split_of]
+    held = Counter(objects.map(split_of).dropna())
+    for split, wanted in (("test", tests), ("eval", evals)):
+        for name in own:
+            if name not in split_of and sizes[name] <= wanted - held[split]:
+                split_of[name] = split
+                held[split] += sizes[name]
+    split_of |= {name: "train" for name in own if name not in split_of}
+    if objects.nunique() >= 3:
+        for split in ("test", "eval"):
+            if not held[split]:
+                name = smallest(objects, split_of)
+                split_of[name] = split
+
+
+def smallest(objects: pd.Series, split_of: dict[str, str]) -> str:
+    """The train object of fewest copies, the first of those in the order of the queue."""
+    sizes = objects[objects.map(split_of) == "train"].value_counts(sort=False)
+    return str(sizes.idxmin())
+
+
+def too_few(usable: pd.DataFrame, copy_of: pd.Series) -> str:
+    copies = usable.loc[copy_of.duplicated(keep=False), "model_id"]
+    said = f", as {', '.join(copies.head(5))} are copies of each other" if len(copies) else ""
+    return (
+        f"{len(usable)} models have a mask and are {copy_of.nunique()} different objects{said}; "
+        "train, eval and test need one each: add meshes, or look at the status column of masks"
+    )
 
 
 def rotate_splits(
@@ -76,7 +110,7 @@ def rotate_splits(
     workers: int | None = None,
 ) -> pd.DataFrame:
     """Every model at `rotations` random angles, rendered anew: sample_id, model_id, category,
-    split, rotation, content_hash, resolution, mask, key.
+    split, rotation, content_hash, geometry, copy_of, resolution, mask, key.
 
     The geometry is rotated, in the image plane, rather than the pixels. A model's angles depend
     on the seed and its id only. Samples of `previous` (an earlier result) that have not changed
@@ -90,8 +124,10 @@ def rotate_splits(
             f"masks have resolution {min(other)} and rotated_splits should have {resolution}: "
             "give both the same resolution and materialise masks again"
         )
-    identity = ["model_id", "category", "content_hash"]
+    identity = ["model_id", "category", "content_hash", "geometry"]
     models = split_models(masks, split_settings).merge(usable[identity])
+    if copies := len(models) - models["copy_of"].nunique():
+        progress(f"{copies} models are copies of others, and stand in the same split as those")
     models = models.merge(meshes.loc[meshes["status"] == "ok", [*identity, "file"]])
     if len(models) < len(usable):
         changed = min(set(usable["model_id"]) - set(models["model_id"]))

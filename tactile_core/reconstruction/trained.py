@@ -8,13 +8,14 @@ import numpy as np
 import pandas as pd
 import safetensors.torch
 import torch
+from pydantic import ValidationError
 from safetensors import SafetensorError
 from torch import Tensor
 from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, read_table, write_table, written_whole
+from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
 from tactile_core.reconstruction.known_shapes import (
     PACKED_SHAPES,
     KnownShapes,
@@ -23,6 +24,7 @@ from tactile_core.reconstruction.known_shapes import (
     unpack,
 )
 from tactile_core.reconstruction.unet import UNet
+from tactile_core.settings import Settings, UNetSettings, problems
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class TrainedUNet:
     settings : the resolved `UNetSettings` as a dict
     scores : eval loss and Jaccard index (0–100) of the kept epoch
     curve : one row per epoch: epoch, train_loss, eval_loss, eval_jaccard
+    trained_on : model_id, geometry and split (train or eval) of every model it has seen
     known : the shapes that the net knows, (n, R²/8) uint8 as `known_shapes.pack` packs them
     """
 
@@ -43,6 +46,7 @@ class TrainedUNet:
     settings: dict[str, Any]
     scores: dict[str, float]
     curve: pd.DataFrame = field(repr=False)
+    trained_on: pd.DataFrame = field(repr=False)
     known: np.ndarray | None = field(default=None, repr=False)
 
     @property
@@ -83,42 +87,62 @@ class TrainedUNet:
         return replace(self, known=self.known[kept])
 
 
+class StoredUNet(Settings):
+    """What a U-Net's files say of it; `version` and `trained_on` are hashes of two of them."""
+
+    resolution: int
+    depth: int
+    channels: int
+    settings: UNetSettings
+    scores: dict[str, float]
+    version: str
+    trained_on: str
+
+
 def save_unet(unet: TrainedUNet, directory: UPath) -> None:
-    """Write `model.safetensors`, `curve.parquet` and, last, `settings.json`."""
-    description = {
-        "resolution": unet.resolution,
-        "depth": unet.depth,
-        "channels": unet.channels,
-        "settings": unet.settings,
-        "scores": unet.scores,
-        "version": unet.version(),
-    }
+    """Write `model.safetensors`, two tables and, last, `settings.json`."""
+    description = StoredUNet(
+        resolution=unet.resolution,
+        depth=unet.depth,
+        channels=unet.channels,
+        settings=UNetSettings(**unet.settings),
+        scores=unet.scores,
+        version=unet.version(),
+        trained_on=table_hash(unet.trained_on),
+    )
     with written_whole(directory / "model.safetensors") as file:
         file.write(safetensors.torch.save(unet.tensors()))
     write_table(unet.curve, directory / "curve.parquet")
+    write_table(unet.trained_on, directory / "trained_on.parquet")
     with written_whole(directory / "settings.json") as file:
-        file.write(json.dumps(description, indent=2).encode())
+        file.write(description.model_dump_json(indent=2).encode())
 
 
 def load_unet(directory: UPath) -> TrainedUNet:
     """Read what `save_unet` wrote; raises `TactileError` where it is missing or damaged."""
     try:
-        description = json.loads((directory / "settings.json").read_bytes())
-        version = description.pop("version")
+        description = StoredUNet(**json.loads((directory / "settings.json").read_bytes()))
         weights = safetensors.torch.load((directory / "model.safetensors").read_bytes())
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no trained U-Net: materialise unet first") from error
-    except (ValueError, KeyError, SafetensorError) as error:
-        raise TactileError(f"{directory} is damaged ({error}): materialise unet again") from error
+    except (ValueError, TypeError, SafetensorError) as error:
+        reason = problems(error) if isinstance(error, ValidationError) else error
+        raise TactileError(f"{directory} is damaged ({reason}): materialise unet again") from error
     known = weights.pop(PACKED_SHAPES, None)
     unet = TrainedUNet(
         weights=weights,
+        resolution=description.resolution,
+        depth=description.depth,
+        channels=description.channels,
+        settings=description.settings.model_dump(),
+        scores=description.scores,
         curve=read_table(directory / "curve.parquet"),
+        trained_on=read_table(directory / "trained_on.parquet"),
         known=None if known is None else known.numpy(),
-        **description,
     )
-    if unet.version() != version:
-        raise TactileError(
-            f"{directory}: weights and settings are of two trainings: materialise unet again"
-        )
+    if (unet.version(), table_hash(unet.trained_on)) != (
+        description.version,
+        description.trained_on,
+    ):
+        raise TactileError(f"{directory}: its files are of two trainings: materialise unet again")
     return unet

@@ -236,6 +236,10 @@ def train_unet(
         settings=settings.model_dump(),
         scores={name: kept[name] for name in ("epoch", "eval_loss", "eval_jaccard")},
         curve=pd.DataFrame(curve),
+        trained_on=pd.concat(
+            [train.models().assign(split="train"), eval_shapes.models().assign(split="eval")],
+            ignore_index=True,
+        ),
     )
 
 

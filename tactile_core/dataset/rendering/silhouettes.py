@@ -47,8 +47,8 @@ def render_masks(
     progress: Callable[[str], None] = lambda message: None,
     workers: int | None = None,
 ) -> pd.DataFrame:
-    """The mask of every usable mesh: model_id, category, content_hash, resolution, status, mask and
-    key, see `mask_keys`.
+    """The mask of every usable mesh: model_id, category, content_hash, geometry, resolution,
+    status, mask and key, see `mask_keys`.
 
     meshes : the manifest; meshes whose status is not "ok" are left out
     root : the folder that the manifest's files are relative to
@@ -69,7 +69,7 @@ def render_masks(
     if len(reasons) == len(drawn):
         usual = "none is usable, as the status column of shapenet_meshes tells"
         raise TactileError(f"no mesh gives a mask: {reasons[0] if reasons else usual}")
-    table = wanted[["model_id", "category", "content_hash"]]
+    table = wanted[["model_id", "category", "content_hash", "geometry"]]
     return table.assign(
         resolution=settings.resolution,
         status=["ok" if isinstance(mask, bytes) else mask for mask in drawn],

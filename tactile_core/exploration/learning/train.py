@@ -20,9 +20,10 @@ from tactile_core.exploration.policies.store import (
     describe,
     read_weights,
     save_policy,
+    trained_on,
     weights_version,
 )
-from tactile_core.files import written_whole
+from tactile_core.files import table_hash, written_whole
 from tactile_core.keys import work_key
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES, pack
@@ -83,8 +84,9 @@ def train_policy(
         unet=unet.version(),
         key=key,
         version=weights_version(tensors),
+        trained_on=table_hash(train.models()),
     )
-    save_policy(directory, description, tensors, curve)
+    save_policy(directory, description, tensors, curve, train.models())
     (work / "checkpoint.pt").unlink(missing_ok=True)
     return description.version
 
@@ -111,6 +113,7 @@ def finished(directory: UPath, key: str) -> str | None:
     try:
         description = describe(directory)
         read_weights(directory, description)
+        trained_on([directory])
     except TactileError:
         return None
     return description.version if description.key == key else None

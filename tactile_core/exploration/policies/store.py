@@ -1,8 +1,8 @@
 """Trained policies as files: the one place that writes and reads them.
 
-A policy is a directory: `policy.safetensors`, `curve.parquet` and, last, `settings.json`, which
-says what the weights are. Beside those of PPO lies `policy.zip` for users of Stable-Baselines3; it
-is a pickle, and never read back.
+A policy is a directory: `policy.safetensors`, `curve.parquet`, `trained_on.parquet` (the train
+models) and, last, `settings.json`, which says what the others are. Beside those of PPO lies
+`policy.zip` for users of Stable-Baselines3; it is a pickle, and never read back.
 """
 
 import json
@@ -21,12 +21,13 @@ from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.ppo import PPOPolicy, net_with
 from tactile_core.exploration.policies.recall import RecallPolicy, load_known_shapes
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
-from tactile_core.files import content_hash, write_table, written_whole
+from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES
 from tactile_core.settings import PolicySettings, Settings, problems
 
 WEIGHTS, CURVE, DESCRIPTION = "policy.safetensors", "curve.parquet", "settings.json"
+TRAINED_ON = "trained_on.parquet"
 FOR_SB3 = "policy.zip"
 
 
@@ -34,7 +35,7 @@ class StoredPolicy(Settings):
     """What a policy's files say of it.
 
     key : that it was trained under, see `keys`; unet : version of the U-Net that it was trained
-    with; version : hash of its weights
+    with; version, trained_on : hashes of its weights and of the table of its train models
     """
 
     approach: str
@@ -45,6 +46,7 @@ class StoredPolicy(Settings):
     unet: str
     key: str
     version: str
+    trained_on: str
 
 
 def weights_version(tensors: Mapping[str, Tensor]) -> str:
@@ -53,12 +55,17 @@ def weights_version(tensors: Mapping[str, Tensor]) -> str:
 
 
 def save_policy(
-    directory: UPath, description: StoredPolicy, tensors: Mapping[str, Tensor], curve: pd.DataFrame
+    directory: UPath,
+    description: StoredPolicy,
+    tensors: Mapping[str, Tensor],
+    curve: pd.DataFrame,
+    trained_on: pd.DataFrame,
 ) -> None:
-    """Write weights, training curve and, last, the description."""
+    """Write weights, training curve, train models and, last, the description."""
     with written_whole(directory / WEIGHTS) as file:
         file.write(safetensors.torch.save(dict(tensors)))
     write_table(curve, directory / CURVE)
+    write_table(trained_on, directory / TRAINED_ON)
     with written_whole(directory / DESCRIPTION) as file:
         file.write(description.model_dump_json(indent=2).encode())
 
@@ -88,6 +95,20 @@ def read_weights(directory: UPath, description: StoredPolicy) -> dict[str, Tenso
             f"{directory}: weights and settings are of two trainings: materialise policies again"
         )
     return tensors
+
+
+def trained_on(directories: Iterable[UPath]) -> dict[str, pd.DataFrame]:
+    """The model_id and geometry of the train models of each stored policy, by its name.
+
+    Raises `TactileError` where a table is missing, damaged or another policy's.
+    """
+    tables = {}
+    for directory in directories:
+        table = read_table(directory / TRAINED_ON)
+        if table_hash(table) != describe(directory).trained_on:
+            raise damaged(directory, f"{TRAINED_ON} is another policy's")
+        tables[f"policy {directory.name}"] = table
+    return tables
 
 
 def load_policies(directories: Iterable[UPath], unet: str, resolution: int) -> list[Policy]:

@@ -111,7 +111,9 @@ def test_outlines_of_a_table_survive_storage(tmp_path):
         index=[7, 7, 3],
     )
     outlines = trace_outlines(samples)
-    assert list(outlines) == ["sample_id", "model_id", "category", "split", "outline"]
+    assert list(outlines) == [
+        "sample_id", "model_id", "category", "split", "outline", "mask_hash",
+    ]  # fmt: skip
     write_table(outlines, tmp_path / "outlines.parquet")
     stored = read_table(tmp_path / "outlines.parquet")
     for shape, cell in zip(shapes, stored["outline"], strict=True):

@@ -33,6 +33,8 @@ def models(counts):
                 "category": f"c{category}",
                 "status": "ok",
                 "content_hash": f"{category}-{number}",
+                "geometry": f"{category}-{number}",
+                "mask": None,
             }
             for category, count in enumerate(counts)
             for number in range(count)
@@ -116,6 +118,7 @@ def collected(tmp_path_factory):
             "category": ["mug"] * 5 + ["bottle"] * 4,
             "file": [f"{number}.obj" for number in range(9)],
             "content_hash": [f"hash{number}" for number in range(9)],
+            "geometry": [f"geometry{number}" for number in range(9)],
             "status": "ok",
         }
     )

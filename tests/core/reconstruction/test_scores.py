@@ -99,7 +99,7 @@ def test_the_mean_shape_is_thresholded_where_it_fits_best():
     discs = [np.hypot(rows, columns) < radius for radius in (3, 5, 6)]
     masks = np.array(discs)
     names = np.array(["a", "b", "c"])
-    shapes = Shapes(masks, [], names, names, names)
+    shapes = Shapes(masks, [], names, names, names, names)
     expected = max(jaccard_index(disc.astype(float), masks).mean() for disc in discs)
     assert mean_shape_jaccard(shapes, shapes) == pytest.approx(expected)
 

@@ -12,6 +12,8 @@ from tactile_core.errors import TactileError
 from tactile_core.reconstruction.known_shapes import unpack
 from tactile_core.reconstruction.trained import load_unet, save_unet
 
+FILES = ("model.safetensors", "settings.json", "curve.parquet", "trained_on.parquet")
+
 
 @pytest.fixture
 def stored(unet, tmp_path) -> UPath:
@@ -45,7 +47,7 @@ def test_the_known_shapes_are_stored_with_the_net_and_can_be_forgotten(
 
 def test_equal_unets_are_equal_files(unet, stored, tmp_path):
     save_unet(load_unet(stored), UPath(tmp_path) / "again")
-    for name in ("model.safetensors", "settings.json", "curve.parquet"):
+    for name in FILES:
         assert (stored / name).read_bytes() == (stored / "again" / name).read_bytes()
 
 
@@ -55,7 +57,7 @@ def test_an_object_store_holds_a_unet_as_a_folder_does(unet):
     assert load_unet(directory).version() == unet.version()
 
 
-@pytest.mark.parametrize("name", ["model.safetensors", "settings.json", "curve.parquet"])
+@pytest.mark.parametrize("name", FILES)
 def test_a_missing_file_is_told_in_one_line(stored, name):
     (stored / name).unlink()
     with pytest.raises(TactileError, match=r"materialise") as refused:
@@ -64,7 +66,7 @@ def test_a_missing_file_is_told_in_one_line(stored, name):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("name", ["model.safetensors", "settings.json", "curve.parquet"])
+@pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", None])
 def test_a_damaged_file_is_told_in_one_line(stored, name, damage):
     whole = (stored / name).read_bytes()
@@ -79,7 +81,7 @@ def test_weights_and_settings_of_two_trainings_are_told_apart(stored):
     weights = load((stored / "model.safetensors").read_bytes())
     weights["head.bias"] += 1
     (stored / "model.safetensors").write_bytes(save(weights))
-    with pytest.raises(TactileError, match="of two trainings: materialise unet again"):
+    with pytest.raises(TactileError, match="files are of two trainings"):
         load_unet(stored)
 
 
@@ -88,3 +90,23 @@ def test_settings_of_another_resolution_are_told_apart(stored):
     (stored / "settings.json").write_text(json.dumps({**about, "resolution": 128}))
     with pytest.raises(TactileError, match="of two trainings"):
         load_unet(stored)
+
+
+@pytest.mark.parametrize("field", ["resolution", "settings", "scores", "version"])
+@pytest.mark.parametrize("value", [None, "a word", [1]])
+def test_a_description_with_something_else_in_it_is_told_in_one_line(stored, field, value):
+    description = json.loads((stored / "settings.json").read_bytes())
+    (stored / "settings.json").write_text(json.dumps({**description, field: value}))
+    with pytest.raises(TactileError, match="materialise unet again") as refused:
+        load_unet(stored)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_unet_remembers_what_it_was_trained_on(unet, stored, shapes):
+    seen = load_unet(stored).trained_on
+    assert seen.equals(unet.trained_on)
+    for split in ("train", "eval"):
+        of_split = seen[seen["split"] == split]
+        assert set(of_split["model_id"]) == set(shapes[split].model_ids)
+        assert set(of_split["geometry"]) == set(shapes[split].geometries)
+    assert not set(seen["geometry"]) & set(shapes["test"].geometries)

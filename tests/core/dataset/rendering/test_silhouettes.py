@@ -41,6 +41,7 @@ def row(file, model_id, status="ok"):
         "category": "mug",
         "file": file,
         "content_hash": f"hash of {model_id}",
+        "geometry": f"geometry of {model_id}",
         "status": status,
     }
 
@@ -68,7 +69,8 @@ def test_every_usable_mesh_gets_the_mask_of_its_geometry(root):
     meshes = write_meshes(root)
     masks = render_masks(meshes, root, SETTINGS)
     assert list(masks) == [
-        "model_id", "category", "content_hash", "resolution", "status", "mask", "key",
+        "model_id", "category", "content_hash", "geometry", "resolution", "status", "mask",
+        "key",
     ]  # fmt: skip
     assert masks["model_id"].tolist() == meshes["model_id"].tolist()
     assert set(masks["status"]) == {"ok"}

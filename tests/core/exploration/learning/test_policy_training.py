@@ -41,10 +41,8 @@ QUICK = PolicySettings(
     gain_tries=2,
     gain_updates=1,
 )
-FILES = {
-    "ppo": {"policy.safetensors", "policy.zip", "curve.parquet", "settings.json"},
-    "gains": {"policy.safetensors", "curve.parquet", "settings.json"},
-}
+OF_BOTH = {"policy.safetensors", "curve.parquet", "trained_on.parquet", "settings.json"}
+FILES = {"ppo": OF_BOTH | {"policy.zip"}, "gains": OF_BOTH}
 
 
 class PowerCutError(Exception):
@@ -393,7 +391,7 @@ def test_a_description_with_something_else_in_it_is_told_in_one_line(
     directory = UPath(tmp_path) / "policy"
     directory.mkdir()
     text = {"approach": "diff", "learner": "ppo", "seed": 0, "settings": {}, "resolution": 64,
-            "unet": "", "key": "", "version": "", field: value}  # fmt: skip
+            "unet": "", "key": "", "version": "", "trained_on": "", field: value}  # fmt: skip
     (directory / "settings.json").write_text(json.dumps(text))
     with pytest.raises(TactileError, match="materialise policies again") as refused:
         load_policies([directory], unet.version(), 64)
