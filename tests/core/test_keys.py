@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -102,11 +103,93 @@ def test_the_versions_of_the_libraries_that_compute_count(monkeypatch):
     assert code_version.__wrapped__("dataset.outlines") != before
 
 
+@pytest.fixture
+def copied(tmp_path, monkeypatch) -> Iterator[Path]:
+    """A copy of the core, whose versions are taken anew each time."""
+    folder = shutil.copytree(keys.FOLDER, tmp_path / "tactile_core")
+    monkeypatch.setattr(keys, "FOLDER", folder)
+    forget()
+    yield folder
+    monkeypatch.undo()
+    forget()
+
+
+def forget() -> None:
+    for function in vars(keys).values():
+        if hasattr(function, "cache_clear"):
+            function.cache_clear()
+
+
+def changed_by(file: Path, old: str, new: str) -> set[str]:
+    """Of which of these modules the code version is another with `new` for `old` in the file."""
+    some = ("dataset.outlines", "reconstruction.training", "exploration.learning.ppo")
+    text = file.read_text()
+    before = {module: code_version(module) for module in some}
+    file.write_text(text.replace(old, new, 1))
+    assert file.read_text() != text
+    forget()
+    after = {module: code_version(module) for module in some}
+    file.write_text(text)
+    forget()
+    return {module for module in some if before[module] != after[module]}
+
+
+def test_code_counts_wherever_it_is_imported_from(copied):
+    outlines, jaccard = copied / "dataset/outlines.py", copied / "reconstruction/jaccard.py"
+    assert changed_by(outlines, "def trace", "X = 1\n\n\ndef trace") == {"dataset.outlines"}
+    trained = {"reconstruction.training", "exploration.learning.ppo"}
+    assert changed_by(jaccard, "THRESHOLD = 0.5", "THRESHOLD = 0.4") == trained
+    package = copied / "exploration" / "world" / "__init__.py"
+    assert changed_by(package, '"""\n', '"""\nX = 1\n') == {"exploration.learning.ppo"}
+    outlines.write_text(f"import tactile_core.reconstruction.jaccard\n{outlines.read_text()}")
+    forget()
+    assert changed_by(jaccard, "THRESHOLD", "BAR") == {"dataset.outlines", *trained}
+
+
+def test_words_do_not_count(copied):
+    jaccard = copied / "reconstruction" / "jaccard.py"
+    assert changed_by(jaccard, "in percent", "from 0 to 100") == set()
+    assert changed_by(jaccard, "THRESHOLD = 0.5", "THRESHOLD = 0.5  # one half") == set()
+
+
+@pytest.mark.parametrize("module", ["settings", "errors", "files", "keys", "value_versions"])
+def test_what_every_module_imports_counts_by_what_it_gives_them(copied, module):
+    assert changed_by(copied / f"{module}.py", "\n\n\n", "\nX = 1\n\n\n") == set()
+
+
+def test_versions_are_equal_in_every_process():
+    code = (
+        "from tactile_core.keys import code_version, work_key;"
+        "print(code_version('exploration.learning.train'), work_key(settings={'a': 1, 'b': 2}))"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for seed in ("1", "2", "3")
+    }  # fmt: skip
+    assert len(found) == 1
+    version, key = found.pop().split()
+    assert (len(version), len(key)) == (12, 16)
+
+
+def test_a_library_that_is_not_installed_has_no_version():
+    assert keys.installed_version("no_such_library") == ""
+
+
 EDITED = r"""
 import sys
 from pathlib import Path
-from tactile_core.keys import FOLDER, work_key
+from tactile_core.keys import FOLDER, code_version, work_key
 from tactile_core.errors import TactileError
+code_version("dataset.splits")
+splits = FOLDER / "dataset" / "splits.py"
+splits.write_text("X = 1\n" + splits.read_text())
+try:
+    work_key("dataset.splits")
+except TactileError as error:
+    print(error)
 first = work_key("reconstruction.training")
 module = FOLDER / "reconstruction" / "jaccard.py"
 text = module.read_text()
@@ -134,7 +217,8 @@ def test_code_that_was_changed_while_a_process_runs_is_refused(tmp_path):
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     refused = "tactile_core.reconstruction.jaccard was changed while this process was running"
-    comment, _, code, _, cut, _, gone = done.stdout.splitlines()
+    splits, comment, _, code, _, cut, _, gone = done.stdout.splitlines()
+    assert splits.startswith("tactile_core.dataset.splits was changed")
     assert comment == "True"
     for said in (code, cut, gone):
         assert said.startswith(refused)
