@@ -25,8 +25,8 @@ $(STAMP):
 	@echo '. "$$VIRTUAL_ENV/../environment.sh"' >> .venv/bin/activate
 	@touch $@
 
-test: install ## Install what is missing and run the tests
-	@$(ACTIVATE) && pytest
+test: install ## Install what is missing and run the tests, in random order on all cores
+	@$(ACTIVATE) && pytest -n auto --maxprocesses 8 --dist loadscope
 
 ui: install ## Dagster's web interface on http://localhost:3000
 	@echo "The whole graph: $(GRAPH)"

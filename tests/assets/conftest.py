@@ -16,6 +16,7 @@ import dagster as dg
 import pytest
 
 from tests.assets.running import Platform, run_whole_chain
+from tests.shared import once, shared_folder
 
 
 @pytest.fixture
@@ -28,13 +29,17 @@ def platform(tmp_path) -> Iterator[Platform]:
 
 @pytest.fixture(scope="session")
 def home(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("home")
+    """Where the finished run lies, whichever test process it was that ran it."""
+    home = shared_folder(tmp_path_factory) / "finished"
+    home.mkdir(parents=True, exist_ok=True)
+    return home
 
 
 @pytest.fixture(scope="session")
-def finished(home) -> subprocess.CompletedProcess:
+def finished(home, tmp_path_factory) -> subprocess.CompletedProcess:
     """The whole tiny chain, run with the literal command."""
-    return run_whole_chain("dagster asset materialize --select '*'", home)
+    command = "dagster asset materialize --select '*'"
+    return once(tmp_path_factory, "chain", lambda: run_whole_chain(command, home))
 
 
 @pytest.fixture(scope="session")

@@ -17,6 +17,7 @@ from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, UNetSettings
+from tests.shared import once
 
 
 @pytest.fixture(scope="session")
@@ -27,6 +28,8 @@ def ray_token(tmp_path_factory) -> Path:
 
 # Nets this small gain nothing from a second thread, and on a busy machine wait for it.
 torch.set_num_threads(1)
+
+SMALL = {"learning_rate": 1e-2, "batch_size": 4, "depth": 3, "channels": 4}
 
 
 def shapes_of(folder: Path, resolution: int) -> dict[str, Shapes]:
@@ -45,24 +48,30 @@ def shapes_of(folder: Path, resolution: int) -> dict[str, Shapes]:
 @pytest.fixture(scope="session")
 def shapes(tmp_path_factory) -> dict[str, Shapes]:
     """Train (24 masks), eval (8) and test (8) shapes at resolution 64."""
-    return shapes_of(tmp_path_factory.mktemp("meshes"), 64)
+    return once(
+        tmp_path_factory, "shapes", lambda: shapes_of(tmp_path_factory.mktemp("meshes"), 64)
+    )
 
 
 @pytest.fixture(scope="session")
 def small_shapes(tmp_path_factory) -> dict[str, Shapes]:
     """The same shapes at the lowest resolution, 48."""
-    return shapes_of(tmp_path_factory.mktemp("meshes"), 48)
+    return once(tmp_path_factory, "small", lambda: shapes_of(tmp_path_factory.mktemp("meshes"), 48))
 
 
 @pytest.fixture(scope="session")
 def unet(shapes, tmp_path_factory) -> TrainedUNet:
     """A small U-Net, trained for a few seconds on the train shapes."""
-    return train_unet(
-        shapes["train"],
-        shapes["eval"],
-        UNetSettings(learning_rate=1e-2, batch_size=4, depth=3, channels=4, epochs=40, patience=40),
-        work=tmp_path_factory.mktemp("unet"),
-    )
+
+    def train() -> TrainedUNet:
+        return train_unet(
+            shapes["train"],
+            shapes["eval"],
+            UNetSettings(**SMALL, epochs=40, patience=40),
+            work=tmp_path_factory.mktemp("unet"),
+        )
+
+    return once(tmp_path_factory, "unet", train)
 
 
 @pytest.fixture(scope="session")
@@ -74,31 +83,32 @@ def reconstructor(unet) -> Reconstructor:
 @pytest.fixture(scope="session")
 def free_space_reconstructor(shapes, tmp_path_factory) -> Reconstructor:
     """A U-Net that also sees where rays have passed, in float32."""
-    train = shapes["train"]
-    trained = train_unet(
-        train,
-        shapes["eval"],
-        UNetSettings(
-            learning_rate=1e-2, batch_size=4, depth=3, channels=4, epochs=40, patience=40,
-            free_space=True,
-        ),
-        work=tmp_path_factory.mktemp("unet"),
-        touches=rays_and_outlines(train, seed=0, free_space=True),
-    )  # fmt: skip
-    return Reconstructor(trained, precision="float32")
+
+    def train() -> TrainedUNet:
+        return train_unet(
+            shapes["train"],
+            shapes["eval"],
+            UNetSettings(**SMALL, epochs=40, patience=40, free_space=True),
+            work=tmp_path_factory.mktemp("unet"),
+            touches=rays_and_outlines(shapes["train"], seed=0, free_space=True),
+        )
+
+    return Reconstructor(once(tmp_path_factory, "free_space_unet", train), precision="float32")
 
 
 @pytest.fixture(scope="session")
 def knowing_unet(shapes, tmp_path_factory) -> TrainedUNet:
     """A U-Net that knows the train shapes, trained for a few epochs."""
-    return train_unet(
-        shapes["train"],
-        shapes["eval"],
-        UNetSettings(
-            learning_rate=1e-2, batch_size=4, depth=3, channels=4, epochs=8, known_shapes=True
-        ),
-        work=tmp_path_factory.mktemp("unet"),
-    )
+
+    def train() -> TrainedUNet:
+        return train_unet(
+            shapes["train"],
+            shapes["eval"],
+            UNetSettings(**SMALL, epochs=8, known_shapes=True),
+            work=tmp_path_factory.mktemp("unet"),
+        )
+
+    return once(tmp_path_factory, "knowing_unet", train)
 
 
 @pytest.fixture(scope="session", params=["reconstructor", "free_space_reconstructor"])
