@@ -7,6 +7,7 @@ import copy
 from collections.abc import Callable
 from typing import Any, TypeVar, get_args, get_origin
 
+import click
 import dagster as dg
 from pydantic import ValidationError, create_model
 from pydantic.fields import FieldInfo
@@ -17,6 +18,14 @@ from tactile_core.settings import Settings, active_profile, problems
 PROFILE = active_profile()
 
 AnyConfig = TypeVar("AnyConfig", bound=dg.Config)
+
+
+class RunRefused(dg.DagsterError, click.ClickException):
+    """What is wrong with the config of a run that has not begun.
+
+    Dagster hands on an error of its own as it is, and the command line prints one of click's in
+    one line.
+    """
 
 
 class StageConfig(dg.Config):
@@ -73,7 +82,7 @@ def bounds(field: FieldInfo) -> str:
     """The bounds of a setting, and of what it lists, in brackets: (at least 48, at most 512)."""
     said = worded(field)
     # The bounds of an annotated type, in a list or beside None, are a field's of their own.
-    each = "each " if get_origin(field.annotation) is list else ""
+    each = "each " if get_origin(field.annotation) in (list, dict) else ""
     for kind in get_args(field.annotation):
         for part in get_args(kind):
             if isinstance(part, FieldInfo):

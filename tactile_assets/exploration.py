@@ -7,7 +7,7 @@ import dagster as dg
 import pandas as pd
 
 from tactile_assets.code_versions import code_version
-from tactile_assets.config import PROFILE, StageConfig, defaults
+from tactile_assets.config import PROFILE, RunRefused, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import OWNERS, markdown
 from tactile_assets.resources import Store
@@ -41,12 +41,11 @@ def plan_trainings(
             f"{unet.resolution}: materialise unet again"
         )
     settings = PolicySettings(**config.model_dump())
-    approaches = dict.fromkeys(settings.approaches or APPROACHES)
-    recipes = [find_approach(approach) for approach in approaches]
+    recipes = [find_approach(approach) for approach in settings.approaches or APPROACHES]
     # The longest first: begun last, one would be left to train alone on one core.
     recipes.sort(key=lambda recipe: (recipe.learner == "ppo", -len(recipe.stages)))
     for approach in (recipe.name for recipe in recipes):
-        for seed in dict.fromkeys(settings.seeds):
+        for seed in settings.seeds:
             yield dg.DynamicOutput(
                 PlannedTraining(approach=approach, seed=seed, settings=settings),
                 mapping_key=f"{approach}_{seed}",
@@ -110,9 +109,20 @@ def gather_policies(
     return dg.Output(versions, metadata=metadata, data_version=version)
 
 
-@dg.config_mapping
-def policy_config(config: PolicyConfig) -> dict[str, Any]:
-    """Run config of the asset as run config of the op that plans the trainings."""
+@dg.config_mapping(config_schema=PolicyConfig.to_fields_dict())
+def policy_config(fields: dict[str, Any]) -> dict[str, Any]:
+    """Run config of the asset as run config of the op that plans the trainings.
+
+    Made as a run begins: what is wrong with it is told before the first step.
+    """
+    from tactile_core.exploration.learning.approaches import find_approach
+
+    try:
+        config = PolicyConfig(**fields)
+        for approach in config.approaches:
+            find_approach(approach)
+    except TactileError as error:
+        raise RunRefused(f"policies: {error}") from error
     return {"plan_trainings": {"config": config.model_dump()}}
 
 

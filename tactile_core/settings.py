@@ -7,10 +7,10 @@ in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop, study or pap
 """
 
 import os
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tactile_core.errors import TactileError
 
@@ -21,31 +21,47 @@ RESOLUTION = Field(
     multiple_of=16,
     description="Mask height and width R.",
 )
-SEED = Field(0, ge=0, description="Seed of every random choice in this stage.")
+LARGEST_SEED = 2**32 - 1  # of NumPy's global generator, which BOHB and Stable-Baselines3 seed
+SEED = Field(0, ge=0, le=LARGEST_SEED, description="Seed of every random choice in this stage.")
 
 Renderer = Literal["auto", "pyrender", "rasteriser"]
 RENDERER: Any = Field("auto", description="auto: pyrender where OpenGL works, else the rasteriser.")
 
-NotNegative = Annotated[int, Field(ge=0)]
-Positive = Annotated[int, Field(ge=1)]
-Rate = Annotated[float, Field(gt=0)]
+# They stand in `exploration.policies.references`, which needs PyTorch; these are their names.
+REFERENCES = ("random", "even", "coverage", "uncertainty", "oracle")
+
+MOST_HELD_OUT = 0.8  # of all models, for eval and test
+
+Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
+Rate = Annotated[float, Field(gt=0, le=1)]
 # A batch of one cannot be normalised at the U-Net's deepest level, where one pixel may be left.
-BatchSize = Annotated[int, Field(ge=2)]
+BatchSize = Annotated[int, Field(ge=2, le=65_536)]
 Depth = Annotated[int, Field(ge=1, le=6)]
+Channels = Annotated[int, Field(ge=1, le=1024)]
+Meshes = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class Settings(BaseModel):
-    """Base of all settings: read-only, and a misspelt field is refused."""
+    """Base of all settings: read-only; a misspelt field and what is no number are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def problems(error: ValidationError) -> str:
     """What is wrong with settings, on one line that names each field and the value it was given."""
     return "; ".join(
         f"{'.'.join(map(str, problem['loc']))} = {problem['input']!r}: {problem['msg']}"
+        if problem["loc"]
+        else problem["msg"].removeprefix("Value error, ")  # of several fields, which it names
         for problem in error.errors()
     )
+
+
+def once_each(name: str, values: Sequence[Any]) -> None:
+    """Raises `ValueError` where a list of choices names one of them twice."""
+    twice = [value for number, value in enumerate(values) if value in values[:number]]
+    if twice:
+        raise ValueError(f"{name} names {twice[0]!r} twice")
 
 
 class MeshSettings(Settings):
@@ -58,19 +74,28 @@ class MeshSettings(Settings):
     )
     classes: dict[str, str] = Field(
         {"mug": "03797390", "bottle": "02876657"},
+        min_length=1,
         description="Class name → ShapeNet synset, or the URL of its archive.",
     )
-    procedural_models: dict[str, int] = Field(
+    procedural_models: dict[str, Meshes] = Field(
         {"mug": 214, "bottle": 498},
         description="How many meshes to generate per class, when no location is given.",
     )
     models_per_class: int | None = Field(
-        None, ge=1, description="Keep at most so many meshes of each class; empty: all."
+        None, ge=1, le=10**9, description="Keep at most so many meshes of each class; empty: all."
     )
     sha256: dict[str, str] = Field(
         {}, description="Class name → expected SHA-256 of its archive, where known."
     )
     seed: int = SEED
+
+    @model_validator(mode="after")
+    def _hold_together(self) -> Self:
+        once_each("classes", list(self.classes.values()))
+        for name in self.sha256:
+            if name not in self.classes:
+                raise ValueError(f"sha256 names {name!r}, which is no class of `classes`")
+        return self
 
 
 class MaskSettings(Settings):
@@ -85,39 +110,69 @@ class SplitSettings(Settings):
 
     eval_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for eval.")
     test_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for test.")
-    rotations: int = Field(5, ge=1, description="Random in-plane rotations of each mask.")
+    rotations: int = Field(5, ge=1, le=1000, description="Random in-plane rotations of each mask.")
     renderer: Renderer = RENDERER
     seed: int = SEED
+
+    @model_validator(mode="after")
+    def _leave_some_for_train(self) -> Self:
+        if self.eval_share + self.test_share > MOST_HELD_OUT:
+            raise ValueError(
+                f"eval_share ({self.eval_share}) and test_share ({self.test_share}) leave too "
+                f"little for train: together they may be {MOST_HELD_OUT}"
+            )
+        return self
 
 
 class TouchSettings(Settings):
     """Touch sets drawn from each outline (report, section IV)."""
 
-    sets_per_mask: int = Field(5, ge=1, description="Touch sets drawn for each mask.")
-    fewest: int = Field(1, ge=0, description="Fewest touches in a set.")
+    sets_per_mask: int = Field(5, ge=1, le=10_000, description="Touch sets drawn for each mask.")
+    fewest: int = Field(1, ge=0, le=10_000, description="Fewest touches in a set; at most `most`.")
     most: int = Field(
-        10, ge=1, description="Most touches in a set. Table II's: trainings draw 1 to 10."
+        10,
+        ge=1,
+        le=10_000,
+        description="Most touches in a set. Table II's: trainings draw 1 to 10.",
     )
     seed: int = SEED
+
+    @model_validator(mode="after")
+    def _fewest_before_most(self) -> Self:
+        if self.fewest > self.most:
+            raise ValueError(f"fewest ({self.fewest}) exceeds most ({self.most})")
+        return self
 
 
 class SearchSettings(Settings):
     """BOHB search over the U-Net's hyperparameters (report, section V and Table I)."""
 
-    trials: int = Field(12, ge=1, description="Hyperparameter settings tried.")
-    epochs: int = Field(4, ge=1, description="Most epochs a trial may train.")
+    trials: int = Field(12, ge=1, le=100_000, description="Hyperparameter settings tried.")
+    epochs: int = Field(4, ge=1, le=100_000, description="Most epochs a trial may train.")
     samples_per_epoch: int | None = Field(
-        None, ge=1, description="Masks seen per epoch; empty: all of the train split."
+        None, ge=1, le=10**9, description="Masks seen per epoch; empty: all of the train split."
     )
-    concurrent: int = Field(1, ge=1, description="Trials at a time; 1 repeats exactly.")
-    reduction_factor: int = Field(4, ge=2, description="HyperBand's reduction factor.")
+    concurrent: int = Field(1, ge=1, le=1024, description="Trials at a time; 1 repeats exactly.")
+    reduction_factor: int = Field(4, ge=2, le=100, description="HyperBand's reduction factor.")
     learning_rate: list[Rate] = Field(
-        [1e-4, 3e-3], min_length=2, max_length=2, description="Log-uniform range."
+        [1e-4, 3e-3], min_length=2, max_length=2, description="Log-uniform range, lower end first."
     )
     batch_sizes: list[BatchSize] = Field([16, 32, 64], min_length=1, description="Choices.")
     depths: list[Depth] = Field([3, 4], min_length=1, description="Choices.")
-    channels: list[Positive] = Field([8, 16], min_length=1, description="Choices.")
+    channels: list[Channels] = Field([8, 16], min_length=1, description="Choices.")
     seed: int = SEED
+
+    @model_validator(mode="after")
+    def _something_to_search(self) -> Self:
+        low, high = self.learning_rate
+        if low >= high:
+            raise ValueError(
+                f"learning_rate: its lower end ({low}) is not below the upper ({high})"
+            )
+        once_each("batch_sizes", self.batch_sizes)
+        once_each("depths", self.depths)
+        once_each("channels", self.channels)
+        return self
 
 
 class NetSettings(Settings):
@@ -130,12 +185,12 @@ class NetSettings(Settings):
     learning_rate: Rate | None = Field(None, description="Empty: best trial's.")
     batch_size: BatchSize | None = Field(None, description="Empty: best trial's.")
     depth: Depth | None = Field(None, description="Levels. Empty: best trial's.")
-    channels: Positive | None = Field(
+    channels: Channels | None = Field(
         None, description="Channels of the first level. Empty: best trial's."
     )
-    epochs: int = Field(40, ge=1, description="Most epochs.")
+    epochs: int = Field(40, ge=1, le=100_000, description="Most epochs.")
     patience: int = Field(
-        8, ge=1, description="Stop after so many epochs without a better eval loss."
+        8, ge=1, le=100_000, description="Stop after so many epochs without a better eval loss."
     )
     free_space: bool = Field(
         False,
@@ -157,11 +212,11 @@ class UNetSettings(NetSettings):
 class GainSettings(Settings):
     """How a ray scorer learns what rays gain."""
 
-    gain_iterations: int = Field(400, ge=1, description="Iterations of learning gains.")
-    gain_states: int = Field(64, ge=1, description="Explorations stepped per iteration.")
-    gain_tries: int = Field(8, ge=1, description="Touches tried out in each exploration.")
-    gain_updates: int = Field(2, ge=1, description="Gradient steps per iteration.")
-    gain_learning_rate: float = Field(2e-3, gt=0, description="Peak rate of learning gains.")
+    gain_iterations: int = Field(400, ge=1, le=10**9, description="Iterations of learning gains.")
+    gain_states: int = Field(64, ge=1, le=4096, description="Explorations stepped per iteration.")
+    gain_tries: int = Field(8, ge=1, le=396, description="Touches tried out in each exploration.")
+    gain_updates: int = Field(2, ge=1, le=1000, description="Gradient steps per iteration.")
+    gain_learning_rate: Rate = Field(2e-3, description="Peak rate of learning gains.")
 
 
 class PracticeSettings(NetSettings, GainSettings):
@@ -174,35 +229,71 @@ class PolicySettings(GainSettings):
     approaches: list[str] = Field(
         [], description="Training approaches, by name; empty: every one there is."
     )
-    seeds: list[NotNegative] = Field([0], min_length=1, description="One training for each seed.")
-    steps_per_stage: int = Field(49_152, ge=1, description="Rays cast per training stage.")
-    environments: int = Field(32, ge=1, description="Environments stepped as one batch.")
+    seeds: list[Seed] = Field([0], min_length=1, description="One training for each seed.")
+    steps_per_stage: int = Field(
+        49_152, ge=1, le=10**9, description="Rays cast per training stage, in whole rollouts."
+    )
+    environments: int = Field(32, ge=1, le=4096, description="Environments stepped as one batch.")
     rays_per_rollout: int = Field(
-        16, ge=1, description="Rays in each environment between two PPO updates."
+        16, ge=1, le=65_536, description="Rays in each environment between two PPO updates."
     )
-    batch_size: int = Field(256, ge=2, description="PPO minibatch size.")
-    epochs: int = Field(4, ge=1, description="PPO epochs per update.")
-    learning_rate: float = Field(1e-3, gt=0, description="PPO learning rate.")
+    batch_size: BatchSize = Field(
+        256, description="PPO minibatch size; divides environments × rays_per_rollout."
+    )
+    epochs: int = Field(4, ge=1, le=1000, description="PPO epochs per update.")
+    learning_rate: Rate = Field(1e-3, description="PPO learning rate.")
     reward_scale: float = Field(
-        0.01, gt=0, description="Factor on rewards (Jaccard 0–100) before PPO sees them."
+        0.01, gt=0, le=1000, description="Factor on rewards (Jaccard 0–100) before PPO sees them."
     )
-    entropy: float = Field(0.01, ge=0, description="PPO entropy coefficient.")
+    entropy: float = Field(0.01, ge=0, le=1000, description="PPO entropy coefficient.")
+
+    @model_validator(mode="after")
+    def _whole_batches(self) -> Self:
+        rays = self.environments * self.rays_per_rollout
+        if rays % self.batch_size:
+            raise ValueError(
+                f"batch_size ({self.batch_size}) does not divide the {rays} rays of a rollout "
+                f"(environments {self.environments} × rays_per_rollout {self.rays_per_rollout})"
+            )
+        once_each("approaches", self.approaches)
+        once_each("seeds", self.seeds)
+        return self
 
 
 class EvaluationSettings(Settings):
     """Roll-outs over the test split (report, section VII)."""
 
     references: list[str] = Field(
-        ["random", "even", "coverage", "uncertainty", "oracle"],
-        description="Reference policies to stand beside the trained ones.",
+        list(REFERENCES),
+        description="Reference policies to stand beside the trained ones, if any: "
+        f"{', '.join(REFERENCES)}.",
     )
     deterministic: bool = Field(
         True, description="Trained policies take their most likely ray; else they draw one."
     )
-    count: int = Field(10, ge=1, description="Rays (per step) or touches (per grasp).")
-    ray_limit: int = Field(100, ge=1, description="Most rays per rollout (per grasp).")
-    resamples: int = Field(2000, ge=10, description="Bootstrap resamples for 95 % intervals.")
+    count: int = Field(10, ge=1, le=1000, description="Rays (per step) or touches (per grasp).")
+    ray_limit: int = Field(
+        100, ge=1, le=10_000, description="Most rays per rollout (per grasp); `count` at least."
+    )
+    resamples: int = Field(
+        2000, ge=10, le=1_000_000, description="Bootstrap resamples for 95 % intervals."
+    )
     seed: int = SEED
+
+    @model_validator(mode="after")
+    def _enough_rays(self) -> Self:
+        if self.count > self.ray_limit:
+            raise ValueError(
+                f"count ({self.count}) exceeds ray_limit ({self.ray_limit}): so many touches need "
+                "as many rays at least"
+            )
+        once_each("references", self.references)
+        for name in self.references:
+            if name not in REFERENCES:
+                raise ValueError(
+                    f"reference policy {name!r} is unknown: choose from {', '.join(REFERENCES)}"
+                )
+        return self
 
 
 class Profile(Settings):

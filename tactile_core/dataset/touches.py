@@ -18,11 +18,6 @@ def sample_touches(outlines: pd.DataFrame, settings: TouchSettings) -> pd.DataFr
     to `most` different points, each number equally likely, and never more than the outline
     has. It depends on the seed and its sample only.
     """
-    if settings.fewest > settings.most:
-        raise TactileError(
-            f"touches.fewest ({settings.fewest}) exceeds touches.most ({settings.most}): "
-            "set fewest to at most most"
-        )
     sets, touches = [], []
     for sample, cell in zip(outlines["sample_id"], outlines["outline"], strict=True):
         points = as_points(cell)

@@ -138,7 +138,7 @@ def with_references(policies: Sequence[Policy], settings: EvaluationSettings) ->
 
     Raises `TactileError` where two have one name and seed: no table could tell them apart.
     """
-    every = [*map(find_reference, dict.fromkeys(settings.references)), *policies]
+    every = [*map(find_reference, settings.references), *policies]
     twice = [who for who, n in Counter((one.name, one.seed) for one in every).items() if n > 1]
     if twice:
         name, seed = twice[0]

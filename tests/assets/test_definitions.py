@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from tactile_assets.config import PROFILE
-from tactile_assets.dataset import MaskConfig
+from tactile_assets.dataset import MaskConfig, MeshConfig
 from tactile_assets.definitions import defs
 from tactile_assets.exploration import PolicyConfig
 from tactile_assets.paths import REPOSITORY
@@ -64,14 +64,15 @@ def test_run_config_has_the_profiles_values_and_the_ui_shows_the_cores_bounds():
     assert PolicyConfig().steps_per_stage == PROFILE.policies.steps_per_stage == 512
     shown = {
         name: field.description
-        for config in (MaskConfig, SearchConfig, UNetConfig)
+        for config in (MeshConfig, MaskConfig, SearchConfig, UNetConfig)
         for name, field in config.to_config_schema().as_field().config_type.fields.items()
     }
     assert shown["resolution"] == (
         "Mask height and width R. (at least 48, at most 512, a multiple of 16)"
     )
+    assert shown["procedural_models"].endswith("(each at least 0, each at most 1000000)")
     assert shown["depths"] == "Choices. (1 or more entries, each at least 1, each at most 6)"
-    assert shown["batch_size"] == "Empty: best trial's. (at least 2)"
+    assert shown["batch_size"] == "Empty: best trial's. (at least 2, at most 65536)"
 
 
 def test_a_value_out_of_bounds_is_refused_in_one_line():

@@ -24,11 +24,24 @@ def failure(home, select: str, config: dict | None = None, **variables: str) -> 
     return lines[0].partition("FAILED: ")[2]
 
 
-def test_an_unknown_approach_names_the_known_ones(copy_of_chain):
-    said = failure(
-        copy_of_chain.home, "policies", {"policies": {"config": {"approaches": ["tottal"]}}}
-    )
-    assert said.startswith("approach 'tottal' is unknown: choose from diff, total, total_miss")
+@pytest.mark.parametrize(
+    ("field", "value", "reason"),
+    [
+        ("approaches", ["tottal"], "approach 'tottal' is unknown: choose from diff, total"),
+        ("batch_size", 300, "batch_size (300) does not divide the 256 rays of a rollout"),
+        ("seeds", [0, 0], "seeds names 0 twice"),
+        ("learning_rate", 2.0, "learning_rate = 2.0: Input should be less than or equal to 1"),
+    ],
+)
+def test_what_is_wrong_with_policies_is_told_before_any_step_of_the_run(
+    tmp_path, field, value, reason
+):
+    config = json.dumps({"ops": {"policies": {"config": {field: value}}}})
+    done = shell(f"dagster asset materialize --select '*' --config-json '{config}'", tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f"Error: policies: {reason}")
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "artifacts").exists()
 
 
 def test_a_wrong_resolution_names_the_field_and_the_bound(copy_of_chain):

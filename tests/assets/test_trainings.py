@@ -63,10 +63,10 @@ def planned(platform, unet, **fields) -> list[str]:
     return [output.value.name for output in trainings]
 
 
-def test_approaches_and_seeds_named_twice_are_trained_once(chain):
+def test_each_approach_is_trained_once_with_each_seed_the_longest_first(chain):
     unet = load_unet(chain.store.path("unet"))
-    twice = planned(chain, unet, approaches=["total", "total"], seeds=[0, 1, 0])
-    assert twice == ["total-0", "total-1"]
+    names = planned(chain, unet, approaches=["total", "gain", "total_miss"], seeds=[0, 7])
+    assert names == ["gain-0", "gain-7", "total_miss-0", "total_miss-7", "total-0", "total-7"]
 
 
 def test_a_unet_of_another_resolution_stops_before_any_training(chain):

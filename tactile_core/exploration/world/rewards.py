@@ -2,23 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from tactile_core.exploration.world.state import Cast
+if TYPE_CHECKING:  # the names of all approaches are known without PyTorch
+    from tactile_core.exploration.world.state import Cast
 
-Reward = Callable[[Cast], np.ndarray]
+Reward = Callable[["Cast"], np.ndarray]
 
 PENALTY = -10.0
 
 
-def total(cast: Cast) -> np.ndarray:
+def total(cast: "Cast") -> np.ndarray:
     """The Jaccard index after the ray, (N,) float32."""
     return cast.jaccard
 
 
-def diff(cast: Cast) -> np.ndarray:
+def diff(cast: "Cast") -> np.ndarray:
     """What the ray added to the Jaccard index, (N,) float32; at first the index itself."""
     return cast.jaccard - cast.jaccard_before
 
@@ -32,7 +33,7 @@ class Penalised:
 
     reward: Reward
 
-    def __call__(self, cast: Cast) -> np.ndarray:
+    def __call__(self, cast: "Cast") -> np.ndarray:
         wasted = cast.missed | cast.repeated
         return np.where(wasted, np.float32(PENALTY), self.reward(cast))
 

@@ -16,12 +16,12 @@ from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.dataset.splits import rotate_splits, split_models
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, table_hash, write_table
-from tactile_core.settings import MaskSettings, SplitSettings
+from tactile_core.settings import LARGEST_SEED, MaskSettings, SplitSettings
 
 MASKS = MaskSettings(resolution=64, renderer="rasteriser")
 DEFAULT = SplitSettings()
 sizes = st.lists(st.integers(1, 40), min_size=1, max_size=4).filter(lambda counts: sum(counts) >= 3)
-shares = st.floats(0.01, 0.49)
+shares = st.floats(0.01, 0.4)
 
 
 def models(counts):
@@ -47,7 +47,7 @@ def split_of(masks, split_settings=DEFAULT):
 
 
 @settings(deadline=None)
-@given(sizes, shares, shares, st.integers(0))
+@given(sizes, shares, shares, st.integers(0, LARGEST_SEED))
 def test_every_model_stands_in_one_split_and_every_split_has_models(counts, evals, tests, seed):
     masks = models(counts)
     split_settings = SplitSettings(eval_share=evals, test_share=tests, seed=seed)
@@ -58,7 +58,7 @@ def test_every_model_stands_in_one_split_and_every_split_has_models(counts, eval
         of_category = Counter(splits.loc[splits["category"] == f"c{category}", "split"])
         if count >= 3:
             assert set(of_category) == {"train", "eval", "test"}
-            if evals + tests < 0.8 and count >= 10:
+            if count >= 10:
                 assert abs(of_category["test"] - max(1, tests * count)) <= 0.5 + 1e-9
                 assert abs(of_category["eval"] - max(1, evals * count)) <= 0.5 + 1e-9
 
