@@ -10,7 +10,6 @@ from collections.abc import Set
 from typing import Any
 
 import dagster as dg
-from dagster._core.execution import context_creation_job
 
 WIDTH = 26  # of the longest step name
 
@@ -96,12 +95,3 @@ def console(context: dg.InitLoggerContext) -> logging.Logger:
     logger = logging.Logger("tactile", level=logging.DEBUG)
     logger.addHandler(handler)
     return logger
-
-
-def install() -> None:
-    """Make this the console of every run that names no logger of its own.
-
-    Dagster (1.13) uses the loggers of `Definitions` only where run config names them, and has
-    no setting for which ones stand in otherwise.
-    """
-    context_creation_job.default_system_loggers = lambda instance: [(console, {})]

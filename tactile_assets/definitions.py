@@ -27,6 +27,7 @@ from tactile_assets import (
     reconstruction,
 )
 from tactile_assets.config import PROFILE
+from tactile_assets.dagster_internals import make_default_console
 from tactile_assets.resources import Store
 
 # Small steps are over before a process has started; long ones run side by side, one a core.
@@ -38,7 +39,7 @@ EXECUTOR = (
     )
 )
 
-console.install()
+make_default_console(console.console)
 
 defs = dg.Definitions(
     assets=[

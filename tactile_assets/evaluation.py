@@ -12,7 +12,7 @@ from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import markdown, stored, wing
-from tactile_assets.provenance import made_here
+from tactile_assets.provenance import made_with
 from tactile_assets.resources import Store
 from tactile_core.settings import EvaluationSettings
 
@@ -166,7 +166,7 @@ def curve(
         "jaccard": markdown(results.rows),
         "compared": markdown(results.comparison),
         "curves": store.picture(f"{prefix}{figure}", png(policy_curves(results.curve, index))),
-        "made": dg.MetadataValue.json(made_here()),
+        "made": dg.MetadataValue.json(made_with(settings)),
     }
 
 

@@ -2,16 +2,25 @@
 
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import dagster as dg
 
+from tactile_assets.config import PROFILE
 from tactile_assets.paths import REPOSITORY
 from tactile_core.errors import TactileError
 from tactile_core.machine import commit, memory_gib, processor, processors
+from tactile_core.settings import EvaluationSettings
 
 VARIABLES = ("TACTILE_PROFILE", "TACTILE_SHAPENET", "TACTILE_REAL")
+
+
+def made_with(settings: EvaluationSettings) -> dict[str, Any]:
+    """What `made_here` says, with the profile and how the evaluation's intervals are drawn."""
+    bootstrap = settings.model_dump(include={"resamples", "seed"})
+    return {"profile": PROFILE.name, "bootstrap": bootstrap, **made_here()}
 
 
 def made_here() -> dict[str, Any]:
@@ -30,13 +39,21 @@ def made_here() -> dict[str, Any]:
 
 
 def how_made(instance: dg.DagsterInstance, asset: str) -> dict[str, Any]:
-    """What `made_here` said when `asset` was last materialised."""
+    """What `made_with` said when the evaluation `asset` was last materialised."""
     metadata = latest(instance, asset)[1].metadata
-    if "made" not in metadata:
+    made = metadata["made"].value if "made" in metadata else None
+    if not isinstance(made, dict) or "bootstrap" not in made:
         raise TactileError(f"{asset} does not say how it was made: materialise it again")
-    made = metadata["made"].value
-    assert isinstance(made, dict)
     return dict(made)
+
+
+@contextmanager
+def own_instance() -> Iterator[dg.DagsterInstance]:
+    """The Dagster instance of the home."""
+    if not os.environ.get("DAGSTER_HOME"):
+        raise TactileError("DAGSTER_HOME is not set: activate the environment first")
+    with dg.DagsterInstance.get() as instance:
+        yield instance
 
 
 class Run(NamedTuple):

@@ -8,21 +8,18 @@ docs/results/laptop where that is not there; a test holds both to it.
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import dagster as dg
 import pandas as pd
 
 from tactile_assets.chain import in_order
-from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tactile_assets.pages import PICTURES, page, readme_part
 from tactile_assets.paths import REPOSITORY
-from tactile_assets.provenance import how_made, made_here, whole_run
+from tactile_assets.provenance import how_made, made_here, own_instance, whole_run
 from tactile_assets.resources import Store
 from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
@@ -47,8 +44,10 @@ def publish(name: str, note: str | None = None) -> None:
         "hyperparameters": hyperparameter_rows(settings),
         "reconstruction": reconstruction_rows(reconstruction),
     }
+    with own_instance() as instance:
+        made = {title: how_made(instance, f"{title}_evaluation") for title in evaluations}
     for title, table in evaluations.items():
-        results = results_of(table)
+        results = results_of(table, made[title])
         tables |= {
             title: results.rows,
             f"{title}_comparison": results.comparison,
@@ -74,9 +73,7 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
 
     Raises `TactileError` where no single run made what is stored, or the variables have changed.
     """
-    if not os.environ.get("DAGSTER_HOME"):
-        raise TactileError("DAGSTER_HOME is not set: activate the environment first")
-    with dg.DagsterInstance.get() as instance:
+    with own_instance() as instance:
         run = whole_run(instance, [name for name in in_order(defs) if not name.startswith("real_")])
         made = how_made(instance, f"{list(evaluations)[-1]}_evaluation")
     variables = made.pop("variables")
@@ -86,7 +83,6 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
     facts = {
         "command": " ".join([*map("=".join, variables.items()), command(run.config)]),
         **made,
-        "profile": PROFILE.name,
         "test samples": int(per_step["sample_id"].nunique()),
         "seeds": sorted(int(seed) for seed in per_step["seed"].unique()),
         "started": f"{pd.Timestamp(run.start, unit='s'):%Y-%m-%d %H:%M} UTC",

@@ -1,10 +1,13 @@
 """The results on the screen, as `make run` ends: `python -m tactile_assets.results`."""
 
 import sys
+from collections.abc import Mapping
+from typing import Any
 
 import pandas as pd
 
 from tactile_assets.config import PROFILE
+from tactile_assets.provenance import how_made, own_instance
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.tables import (
@@ -28,17 +31,21 @@ def main() -> None:
     store = Store.from_environment()
     reconstruction = read_table(store.path("reconstruction_evaluation.parquet"))
     evaluations = stored_evaluations(store)
+    with own_instance() as instance:
+        made = {name: how_made(instance, f"{name}_evaluation") for name in evaluations}
 
     heading("Reconstruction (the report's Table II)")
     print(text_table(reconstruction_rows(reconstruction)))
     for name, table in evaluations.items():
         heading(HEADINGS[name])
-        print(text_table(results_of(table).rows))
+        print(text_table(results_of(table, made[name]).rows))
 
     samples = f"{evaluations['per_step']['sample_id'].nunique()} test samples"
     if "real_per_step" in evaluations:
         samples += f", {evaluations['real_per_step']['sample_id'].nunique()} real ones"
-    print(f"Profile {PROFILE.name}, {samples}; ± is half a 95 % interval over models.")
+    print(
+        f"Profile {made['per_step']['profile']}, {samples}; ± is half a 95 % interval over models."
+    )
     print(f"Tables:   {store.path()}/*.parquet")
     print(f"Figures:  {store.path('figures')}")
     print("Browser:  make ui, then http://localhost:3000 (lineage, pictures, checks, logs)")
@@ -55,11 +62,10 @@ def stored_evaluations(store: Store) -> dict[str, pd.DataFrame]:
     return {name: read_table(file) for name, file in files.items()}
 
 
-def results_of(table: pd.DataFrame) -> PolicyResults:
-    """What the rollouts of an evaluation come to, with the profile's bootstrap."""
+def results_of(table: pd.DataFrame, made: Mapping[str, Any]) -> PolicyResults:
+    """What the rollouts of an evaluation come to, with the bootstrap that it was `made` with."""
     index = "step" if "step" in table else "grasp"
-    settings = {"step": PROFILE.per_step, "grasp": PROFILE.per_grasp}[index]
-    return policy_results(table, index, settings.resamples, settings.seed)
+    return policy_results(table, index, **made["bootstrap"])
 
 
 def heading(text: str) -> None:

@@ -30,6 +30,7 @@ from tactile_core.reconstruction.known_shapes import KnownShapes, pack, picked, 
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import UNet, on_device
 from tactile_core.settings import UNetSettings
+from tactile_core.tensorboard import curves_folder
 
 EVALUATION_BATCH = 128
 
@@ -200,6 +201,7 @@ def train_unet(
         training.load_state(saved["training"])
         curve, best = saved["curve"], saved["best"]
         progress(f"U-Net: resuming after epoch {len(curve)}")
+    curves = curves_folder(work, resumed=bool(saved))
     for epoch in range(len(curve) + 1, settings.epochs + 1):
         if stopped_early(curve, settings.patience):
             progress(f"U-Net: no better eval loss for {settings.patience} epochs, stopping")
@@ -218,7 +220,7 @@ def train_unet(
         if eval_loss < min((past["eval_loss"] for past in curve), default=np.inf):
             best = {name: value.cpu().clone() for name, value in training.net.state_dict().items()}
         curve.append(row)
-        log_curve(work, row)
+        log_curve(curves, row)
         state = {"training": training.state(), "curve": curve, "best": best}
         save_checkpoint(checkpoint, key, state)
         progress(
@@ -256,10 +258,10 @@ def stopped_early(curve: list[dict[str, float]], patience: int) -> bool:
     return bool(losses) and len(losses) - 1 - int(np.argmin(losses)) >= patience
 
 
-def log_curve(work: Path, row: dict[str, float]) -> None:
-    """One epoch's losses and Jaccard index to TensorBoard under `work`."""
+def log_curve(folder: Path, row: dict[str, float]) -> None:
+    """One epoch's losses and Jaccard index to TensorBoard in `folder`."""
     from torch.utils.tensorboard import SummaryWriter
 
-    with SummaryWriter(str(work / "tensorboard")) as writer:
+    with SummaryWriter(str(folder)) as writer:
         for name in ("train_loss", "eval_loss", "eval_jaccard"):
             writer.add_scalar(name, row[name], row["epoch"])

@@ -33,7 +33,7 @@ def test_artifacts_are_plain_files_under_their_names(chain):
     for asset in TABLES:
         assert len(read_table(artifacts / f"{asset}.parquet")), asset
     names = {path.name for path in (artifacts / "unet").iterdir()}
-    assert names == {"model.safetensors", "settings.json", "curve.parquet"}
+    assert names == {"model.safetensors", "settings.json", "curve.parquet", "trained_on.parquet"}
     assert set(json.loads((artifacts / "policies" / "index.json").read_text())) == {
         "total-0",
         "gain-0",
@@ -128,6 +128,10 @@ def test_figures_lie_in_the_store(chain):
 def test_the_results_are_printed_with_where_to_look_further(chain):
     done = shell("python -m tactile_assets.results", chain.home)
     assert done.returncode == 0, done.stderr
+    # The run's own profile and intervals, whatever the shell names now.
+    elsewhere = shell("python -m tactile_assets.results", chain.home, TACTILE_PROFILE="laptop")
+    assert elsewhere.stdout == done.stdout
+    assert "Profile smoke" in done.stdout
     for text in ("Table II", "Per step", "Per grasp", "oracle", "gain", "recall", "make ui"):
         assert text in done.stdout
     assert str(chain.home / "artifacts" / "figures") in done.stdout

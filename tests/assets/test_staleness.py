@@ -3,21 +3,17 @@
 import shutil
 
 import dagster as dg
-from dagster._core.definitions.data_version import CachingStaleStatusResolver, StaleStatus
-from dagster._core.loader import LoadingContextForTest
 
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
+from tests.assets.dagster_internals import stale_assets
 from tests.assets.running import ALL, Platform, run_for
 
 
 def stale(platform: Platform, definitions: dg.Definitions) -> set[str]:
     """The assets that are not fresh."""
-    graph = definitions.get_repository_def().asset_graph
-    context = LoadingContextForTest(platform.instance)
-    resolver = CachingStaleStatusResolver(platform.instance, graph, context)
-    return {asset for asset in ALL if resolver.get_status(dg.AssetKey(asset)) != StaleStatus.FRESH}
+    return stale_assets(platform.instance, definitions, ALL)
 
 
 def with_patience(patience: int) -> dg.Definitions:

@@ -19,6 +19,7 @@ from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import GainSettings
+from tactile_core.tensorboard import curves_folder
 
 CURVE = ("loss", "reward", "jaccard", "touches")
 # One unit of value at the first ray, in Jaccard points. Later rays add less, about as one over
@@ -55,7 +56,7 @@ def train_scorer(
     if saved:
         learner.load_state(saved)
         progress(f"{title}: resuming after iteration {learner.iteration}")
-    with SummaryWriter(str(work / "tensorboard")) as writer:
+    with SummaryWriter(str(curves_folder(work, resumed=bool(saved)))) as writer:
         while learner.iteration < settings.gain_iterations:
             learner.iterate()
             if learner.iteration % max(1, settings.gain_iterations // 20) == 0:
@@ -128,7 +129,7 @@ class GainLearner:
     def update(self) -> float:
         """One gradient step on states drawn from the replay; returns the loss."""
         slots = self.replay.draw(self.rng)
-        values = score(self.net, self.replay.images[slots], self.replay.rays[slots])
+        values = score(self.net, self.replay.images(slots), self.replay.rays[slots])
         units = POINTS / (1 + self.replay.rays[slots, None])
         gains = torch.from_numpy((self.replay.gains[slots] / units).astype(np.float32))
         gains = gains.to(self.device)

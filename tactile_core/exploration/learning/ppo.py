@@ -9,7 +9,7 @@ import pandas as pd
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import Logger, configure
+from stable_baselines3.common.logger import configure
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
@@ -18,8 +18,11 @@ from tactile_core.exploration.policies.features import WindowCNN
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import PolicySettings
+from tactile_core.tensorboard import curves_folder
 
 RAYS_PER_CHECKPOINT = 8192
+# Environment i of a stage draws its masks with the seed plus i; the next stage must draw others.
+SEEDS_PER_STAGE = 10_000
 
 
 def train_ppo(
@@ -55,11 +58,12 @@ def train_ppo(
             reconstructor,
             approach.stages[number],
             reward_scale=settings.reward_scale,
-            seed=seed,
+            seed=seed + SEEDS_PER_STAGE * number,
         )
         if model is None:
             model = new_model(env, settings, seed)
-            model.set_logger(tensorboard_logger(work))
+            folder = curves_folder(work, resumed=bool(saved))
+            model.set_logger(configure(str(folder), ["tensorboard"]))
             if saved:
                 restore(model, env, saved)
         else:
@@ -185,7 +189,3 @@ def restore(model: PPO, env: BatchedTactileEnv, saved: dict[str, Any]) -> None:
     torch.set_rng_state(saved["torch"])
     torch.cuda.set_rng_state_all(saved["cuda"])
     np.random.set_state(saved["numpy"])
-
-
-def tensorboard_logger(work: Path) -> Logger:
-    return configure(str(work / "tensorboard"), ["tensorboard"])

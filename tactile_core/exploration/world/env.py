@@ -14,7 +14,7 @@ from skimage.draw import line
 from tactile_core.exploration.world.circle import report_circle
 from tactile_core.exploration.world.rays import MISS, RAYS
 from tactile_core.exploration.world.rewards import DIFF, Stage
-from tactile_core.exploration.world.state import Cast, to_grey
+from tactile_core.exploration.world.state import Cast, check_resolution, to_grey
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.jaccard import THRESHOLD, jaccard_index
 
@@ -71,6 +71,7 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
         ray_limit: int = 100,
         render_mode: str | None = None,
     ) -> None:
+        check_resolution(masks, reconstructor)
         resolution = masks.shape[-1]
         self.masks = masks
         self.reconstructor = reconstructor

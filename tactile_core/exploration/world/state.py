@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_core.errors import TactileError
 from tactile_core.exploration.world.rays import candidate_rays, cast_rays, mark_free
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.jaccard import jaccard_index
@@ -42,6 +43,7 @@ class Explorations:
     """
 
     def __init__(self, masks: np.ndarray, reconstructor: Reconstructor) -> None:
+        check_resolution(masks, reconstructor)
         self.reconstructor = reconstructor
         self.masks = np.array(masks)
         self.touches = np.zeros(masks.shape, np.uint8)
@@ -166,6 +168,15 @@ class Explorations:
         """Go on from what `get_state` returned."""
         for name in ARRAYS:
             getattr(self, name)[...] = state[name]
+
+
+def check_resolution(masks: np.ndarray, reconstructor: Reconstructor) -> None:
+    """Raises `TactileError` where masks (N, R, R) are not of the U-Net's resolution."""
+    if masks.shape[-1] != reconstructor.resolution:
+        raise TactileError(
+            f"masks of resolution {masks.shape[-1]} cannot be explored with a U-Net that was "
+            f"trained at {reconstructor.resolution}: take those of one resolution"
+        )
 
 
 def felt_images(touches: np.ndarray, free: np.ndarray, reconstructor: Reconstructor) -> np.ndarray:

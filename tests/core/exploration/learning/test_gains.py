@@ -117,7 +117,7 @@ def test_the_replay_forgets_its_oldest_states(monkeypatch):
     assert set(kept.draw(np.random.default_rng(0))) == set(range(5))
     again = Replay(48, 2)
     again.load_state(kept.state())
-    for name in ("images", "rays", "gains", "known"):
+    for name in replay.REPLAY_ARRAYS:
         np.testing.assert_array_equal(getattr(again, name), getattr(kept, name))
     assert again.seen == 8
 
@@ -128,7 +128,7 @@ def test_a_young_replay_draws_only_what_was_added():
         np.zeros((3, 3, 48, 48), np.uint8), np.arange(3), np.zeros((3, 2)), np.ones((3, 2), bool)
     )
     assert set(replay.draw(np.random.default_rng(0))) == {0, 1, 2}
-    assert len(replay.state()["arrays"]["images"]) == 3
+    assert len(replay.state()["arrays"]["predictions"]) == 3
 
 
 def test_a_scorer_learns_to_cast_rays_that_gain(shapes, reconstructor, tmp_path):

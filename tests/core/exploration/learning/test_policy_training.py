@@ -396,3 +396,47 @@ def test_a_description_with_something_else_in_it_is_told_in_one_line(
     with pytest.raises(TactileError, match="materialise policies again") as refused:
         load_policies([directory], unet.version(), 64)
     assert "\n" not in str(refused.value)
+
+
+def test_the_second_stage_meets_other_masks_than_the_first(train, monkeypatch):
+    met = []
+
+    class Watched(ppo.BatchedTactileEnv):
+        def restart(self, which):
+            super().restart(which)
+            met.append((self.stage.ends, self.drawn[which].tolist()))
+
+    monkeypatch.setattr(ppo, "BatchedTactileEnv", Watched)
+    train("total_miss")
+    first, second = (
+        [mask for ends, drawn in met if ends == stage for mask in drawn][:11]
+        for stage in ("touches", "rays")
+    )
+    assert len(first) == len(second) == 11
+    assert first != second
+
+
+@pytest.mark.parametrize("approach", ["diff", "gain"])
+def test_curves_of_an_earlier_training_are_gone_and_those_of_a_resumed_one_stay(
+    train, tmp_path, monkeypatch, approach
+):
+    monkeypatch.setattr(ppo, "RAYS_PER_CHECKPOINT", 256)
+    monkeypatch.setattr(gain_learner, "ITERATIONS_PER_CHECKPOINT", 2)
+    folder = tmp_path / "work" / "policy" / "tensorboard"
+
+    def files() -> set[str]:
+        return {path.name for path in folder.iterdir()}
+
+    train(approach)
+    first = files()
+
+    def cut(message):
+        if "5/6" in message or "512/512" in message:
+            raise PowerCutError
+
+    with pytest.raises(PowerCutError):
+        train(approach, seed=1, progress=cut)
+    interrupted = files()
+    assert not first & interrupted
+    train(approach, seed=1)
+    assert interrupted < files()

@@ -1,5 +1,7 @@
 """The report's environment (section VI.A), single and batched, step for step the same."""
 
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,10 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
+from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.approaches import APPROACHES, DIFF, Stage
 from tactile_core.exploration.world.circle import middle, report_circle, report_order
 from tactile_core.exploration.world.env import ENV_ID, TactileEnv
 from tactile_core.exploration.world.rewards import diff
+from tactile_core.exploration.world.state import Explorations
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 
 STAGES = {
@@ -239,3 +243,27 @@ def test_seeding_the_batched_environment_repeats_its_masks(shapes, reconstructor
         drawn.append(env.drawn.tolist())
     assert drawn[0] == drawn[2] != drawn[1]
     assert drawn[0][1:] == drawn[1][:-1]  # environment i is seeded with seed + i
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_environments_travel_to_other_processes_by_the_standard_library(
+    shapes, reconstructor, stage
+):
+    env = TactileEnv(shapes["train"].masks, reconstructor, STAGES[stage])
+    env.reset(seed=3)
+    action = through_the_middle(0.3)
+    expected = env.step(action)
+    again = pickle.loads(pickle.dumps(env))
+    again.reset(seed=3)
+    np.testing.assert_equal(again.step(action), expected)
+
+
+def test_masks_of_another_resolution_than_the_unet_s_are_refused(small_shapes, reconstructor):
+    masks = small_shapes["train"].masks
+    for make in (
+        lambda: TactileEnv(masks, reconstructor),
+        lambda: BatchedTactileEnv(2, masks, reconstructor, DIFF),
+        lambda: Explorations(masks, reconstructor),
+    ):
+        with pytest.raises(TactileError, match="masks of resolution 48 cannot be explored"):
+            make()
