@@ -10,81 +10,110 @@ import re
 
 import numpy as np
 
+from tactile_core.dataset.sources.polygons import fans
+from tactile_core.dataset.sources.text import (
+    NEWLINE,
+    SPACE,
+    as_ascii,
+    numbers,
+    portions,
+    starts,
+)
 from tactile_core.errors import TactileError
 
-SPACE, NEWLINE = ord(" "), ord("\n")
+# MSVC writes numbers that are none as 1.#QNAN, and there # begins no comment.
+COMMENT = re.compile(rb"#(?:(?<!\d\.#)|(?!QNAN|SNAN|IND|INF))[^\n]*")
+CONTINUED = re.compile(rb"^ *[vf](?=[ \\])(?:[^\n]*\\\n)+", flags=re.MULTILINE)
+# Statements that hold geometry of other kinds: free-form surfaces, other files, and old patches.
+UNREAD = ("surf", "call", "fo", "bsp", "bzp", "cdc", "cdp")
 
 
 def read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     """The vertices (V, 3) float64 and triangles (F, 3) int64 of an OBJ file's bytes.
 
-    Polygons become fans of triangles. Raises `TactileError` with a reason that does not
-    name the file. Whether the vertices are finite is not looked at.
+    Polygons become fans of triangles; faces of fewer than three corners are left out. Raises
+    `TactileError` with a reason that does not name the file. Whether the vertices are finite is
+    not looked at.
     """
-    letters = _letters(data)
+    text = as_ascii(data).removesuffix(b"\0")
+    vertices, faces, read_so_far = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    if b"f" not in text:  # whatever else there is
+        return vertices[0], faces[0]
+    for piece in portions(text):
+        piece_vertices, piece_faces = _read_portion(piece, read_so_far)
+        vertices.append(piece_vertices)
+        faces.append(piece_faces)
+        read_so_far += len(piece_vertices)
+    all_faces = np.concatenate(faces)
+    if len(all_faces) and (all_faces.min() < 0 or all_faces.max() >= read_so_far):
+        raise TactileError(f"has a face with a vertex that does not exist (of {read_so_far})")
+    return np.concatenate(vertices), all_faces
+
+
+def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (v, 3) and triangles (f, 3) of some lines, `read_so_far` vertices before them."""
+    letters = _letters(text)
     ends = np.flatnonzero(letters == NEWLINE)
-    starts = np.concatenate([[0], ends[:-1] + 1])
-    spaced = letters[np.minimum(starts + 1, ends)] == SPACE
-    vertex_lines = spaced & (letters[starts] == ord("v"))
-    face_lines = spaced & (letters[starts] == ord("f"))
-    if not vertex_lines.any() or not face_lines.any():
-        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    begins = np.concatenate([[0], ends[:-1] + 1])
+    spaced = letters[np.minimum(begins + 1, ends)] <= SPACE  # a letter alone is a line, too
+    vertex_lines = spaced & (letters[begins] == ord("v"))
+    face_lines = spaced & (letters[begins] == ord("f"))
+    letters[begins] = SPACE  # what is left of these lines is numbers
+    lengths = ends + 1 - begins
 
-    letters[starts] = SPACE  # what is left of these lines is numbers
-    lengths = ends + 1 - starts
-    counts, coordinates = _numbers(letters[np.repeat(vertex_lines, lengths)].tobytes(), "vertex")
-    # Colours or a weight may follow the three coordinates.
-    vertices = coordinates[_starts(counts)[:, None] + np.arange(3)]
+    vertices, faces = np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    if vertex_lines.any():
+        lines = letters[np.repeat(vertex_lines, lengths)].tobytes()
+        counts, coordinates = numbers(lines, "vertex")
+        if counts.min() < 3:
+            raise TactileError("has a vertex with fewer than three numbers (is the file cut off?)")
+        # Colours or a weight may follow the three coordinates.
+        vertices = coordinates[starts(counts)[:, None] + np.arange(3)]
+    if face_lines.any():
+        lines = letters[np.repeat(face_lines, lengths)].tobytes()
+        _check_last_line(text)
+        if b"/" in lines:  # vertex/texture/normal
+            lines = re.sub(rb"/\S*", b"", lines)
+        counts, corners = numbers(lines, "face", np.int64)
+        if (corners == 0).any():
+            raise TactileError("has a face with a vertex that does not exist (OBJ counts from 1)")
+        # OBJ counts from 1, or back from the last vertex read so far.
+        before = np.repeat(read_so_far + np.cumsum(vertex_lines)[face_lines], counts)
+        faces = fans(counts, np.where(corners > 0, corners - 1, corners + before))
+    return vertices, faces
 
-    text = letters[np.repeat(face_lines, lengths)].tobytes()
-    if b"/" in text:  # vertex/texture/normal
-        text = re.sub(rb"/\S*", b"", text)
-    counts, corners = _numbers(text, "face")
-    # OBJ counts from 1, or back from the last vertex read so far.
-    read_so_far = np.repeat(np.cumsum(vertex_lines)[face_lines], counts)
-    indices = np.where(corners > 0, corners - 1, corners + read_so_far)
-    if (corners == 0).any() or indices.min() < 0 or indices.max() >= len(vertices):
-        raise TactileError(f"has a face with a vertex that does not exist (of {len(vertices)})")
-    return vertices, _triangles(counts, indices)
 
-
-def _letters(data: bytes) -> np.ndarray:
-    """The text as uint8, without comments, continuations, indents and tabs, ending a line."""
-    text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ")
-    text = re.sub(rb"#[^\n]*", b"", text.replace(b"\\\n", b" ")) + b"\n"
-    if b"\n " in text or text.startswith(b" "):
-        text = re.sub(rb"^ +", b"", text, flags=re.MULTILINE)
+def _letters(text: bytes) -> np.ndarray:
+    """A portion as uint8, without comments, continuations and indents, ending a line."""
+    text = COMMENT.sub(b"", text)
+    if b"\0" in text:
+        raise TactileError("holds bytes of zero: it is damaged, or no text")
+    if b"\\\n" in text:
+        text = CONTINUED.sub(lambda lines: lines[0].replace(b"\\\n", b" "), text)
+    text = b"\n" + text + b"\n"
+    if b"\n " in text:
+        text = re.sub(rb"\n +", b"\n", text)
+    for word in UNREAD:
+        if f"\n{word} ".encode() in text:
+            raise TactileError(f"has the statement {word!r}, which is not read")
     return np.frombuffer(bytearray(text), dtype=np.uint8)
 
 
-def _numbers(text: bytes, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """How many numbers stand on each line (n,), and all of them in one row."""
-    letters = np.frombuffer(text, dtype=np.uint8)
-    ink = letters > SPACE
-    last_letters = ink[:-1] & ~ink[1:]  # every line ends in a newline
-    ends = np.cumsum(last_letters)[np.flatnonzero(letters[1:] == NEWLINE)]
-    counts = np.diff(ends, prepend=0)
-    if counts.min() < 3:
-        raise TactileError(f"has a {what} with fewer than three numbers (is the file cut off?)")
-    try:
-        numbers = np.fromstring(text, sep=" ", dtype=np.float64 if what == "vertex" else np.int64)
-    except ValueError:
-        numbers = np.empty(0)
-    if len(numbers) != counts.sum():
-        raise TactileError(f"has a {what} with something in it that is not a number")
-    return counts, numbers
+def _check_last_line(text: bytes) -> None:
+    """A file may end without a newline, but not within a face.
+
+    Faces of fewer than three corners are left out elsewhere; at such an end, they and a last
+    corner that has fewer parts than the first one tell that the rest is missing.
+    """
+    last = COMMENT.sub(b"", text[text.rfind(b"\n") + 1 :]).split()
+    if not last or last[0] != b"f":
+        return
+    if len(last) < 4:
+        raise TactileError("has a face with fewer than three numbers (is the file cut off?)")
+    if _parts(last[1]) != _parts(last[-1]):
+        raise TactileError("ends within the corner of a face (is the file cut off?)")
 
 
-def _starts(counts: np.ndarray) -> np.ndarray:
-    """Where each line's numbers begin in the row of all numbers."""
-    return np.cumsum(counts) - counts
-
-
-def _triangles(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """Polygons of `counts` corners each as fans of triangles (F, 3)."""
-    if (counts == 3).all():
-        return indices.reshape(-1, 3)
-    fan = counts - 2
-    first = np.repeat(_starts(counts), fan)
-    step = np.arange(fan.sum()) - np.repeat(_starts(fan), fan)
-    return indices[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+def _parts(corner: bytes) -> list[bool]:
+    """Which of vertex, texture and normal a corner names."""
+    return [bool(part) for part in corner.split(b"/")]
