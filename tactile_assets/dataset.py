@@ -181,8 +181,9 @@ def tactile_samples(
 ) -> dg.MaterializeResult:
     """Sets of 1 to 10 touches drawn from each outline: what a hand may have felt so far.
 
-    Table II is measured on these sets. Training draws fresh ones from the outlines all the time,
-    so that no net can learn a set by heart.
+    Table II is measured on these sets. Nets learn from those of the train split where their
+    setting `touches` says "stored", as the report's do; else from fresh ones, so that none can
+    be learnt by heart.
     """
     from tactile_core.dataset.touches import sample_touches
     from tactile_core.figures.sheets import touch_sheet

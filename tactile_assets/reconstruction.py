@@ -32,8 +32,9 @@ class UNetConfig(StageConfig, UNetSettings):
 
 @dg.asset(
     kinds={"ray", "pytorch", "parquet"},
-    code_version=code_version("reconstruction.search", PROFILE.search),
-    deps=["tactile_samples"],  # for its check: it draws touches of its own from the same outlines
+    code_version=code_version(
+        "reconstruction.search", "exploration.practice.ray_touches", PROFILE.search
+    ),
     **wing("reconstruction"),
 )
 def unet_search(
@@ -42,6 +43,7 @@ def unet_search(
     store: Store,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
+    tactile_samples: pd.DataFrame,
 ) -> dg.MaterializeResult:
     """Every trial of the search for the U-Net's learning rate, batch size, depth and channels.
 
@@ -50,14 +52,17 @@ def unet_search(
     search. Loss and Jaccard index are those on the eval split.
     """
     from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.exploration.practice.ray_touches import touch_source
     from tactile_core.figures.curves import search_scatter
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.search import search_unet
 
+    train = load_shapes(rotated_splits, outlines, "train")
     table = search_unet(
-        load_shapes(rotated_splits, outlines, "train"),
+        train,
         load_shapes(rotated_splits, outlines, "eval"),
         SearchSettings(**config.model_dump()),  # Ray's workers know nothing of Dagster
+        touches=touch_source(config.touches, train, tactile_samples, seed=config.seed),
         work=store.work("unet_search"),
         token=Path(store.home, "ray-token"),
         progress=context.log.info,
@@ -128,19 +133,20 @@ def unet(
     store: Store,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
+    tactile_samples: pd.DataFrame,
     unet_search: pd.DataFrame,
 ) -> dg.MaterializeResult:
     """The reconstruction net: an image of 1 to 10 touches in, a probability per pixel out.
 
-    A U-Net with the best settings of the search, trained to the end on touches that are drawn
-    afresh all the time, half of them from the outline and half as rays make them, with early
-    stopping on the eval split. With `free_space` it also sees where rays have passed; with
-    `known_shapes` the mean of the train shapes that agree with what was felt; and where there are
-    `practice_rays`, a third of what it learns from is theirs. A training that was killed goes on
-    after its last epoch.
+    A U-Net with the best settings of the search, trained to the end with early stopping on the
+    eval split. `touches` says what it learns from: the stored sets, as in the report; fresh draws
+    from the outlines; or those for one half, and for the other what rays feel. With `free_space` it
+    also sees where rays have passed; with `known_shapes` the mean of the train shapes that agree
+    with what was felt; and where there are `practice_rays`, a third of what it learns from is
+    theirs. A training that was killed goes on after its last epoch.
     """
     from tactile_core.dataset.shapes import load_shapes
-    from tactile_core.exploration.practice.ray_touches import practised, rays_and_outlines
+    from tactile_core.exploration.practice.ray_touches import practised, touch_source
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.hyperparameters import with_best_trial
@@ -153,7 +159,10 @@ def unet(
     practice = None
     if PROFILE.practice:
         practice = practised(read_table(store.path("practice_rays.parquet")), train)
-    touches = rays_and_outlines(train, settings.seed, settings.free_space, practice)
+    touches = touch_source(
+        settings.touches, train, tactile_samples,
+        seed=settings.seed, free_space=settings.free_space, practice=practice,
+    )  # fmt: skip
     trained = train_unet(
         train, eval_shapes, settings, work=work, touches=touches, progress=context.log.info
     )

@@ -30,6 +30,10 @@ RENDERER: Any = Field("auto", description="auto: pyrender where OpenGL works, el
 # They stand in `exploration.policies.references`, which needs PyTorch; these are their names.
 REFERENCES = ("random", "even", "coverage", "uncertainty", "oracle")
 
+# Where a U-Net's training touches come from: the sets of tactile_samples, as in the report; fresh
+# draws from each outline; or half of those and half as rays make them.
+Touches = Literal["stored", "outline", "rays"]
+
 MOST_HELD_OUT = 0.8  # of all models, for eval and test
 
 Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
@@ -153,6 +157,10 @@ class SearchSettings(Settings):
         None, ge=1, le=10**9, description="Masks seen per epoch; empty: all of the train split."
     )
     concurrent: int = Field(1, ge=1, le=1024, description="Trials at a time; 1 repeats exactly.")
+    touches: Touches = Field(
+        "outline",
+        description="What trials learn from: stored sets, fresh draws from outlines, or rays too.",
+    )
     reduction_factor: int = Field(4, ge=2, le=100, description="HyperBand's reduction factor.")
     learning_rate: list[Rate] = Field(
         [1e-4, 3e-3], min_length=2, max_length=2, description="Log-uniform range, lower end first."
@@ -196,7 +204,19 @@ class NetSettings(Settings):
         False,
         description="Show the U-Net where rays have passed, too; the report's sees touches only.",
     )
+    touches: Touches = Field(
+        "rays",
+        description="What it learns from: stored sets, fresh draws from outlines, or rays too.",
+    )
     seed: int = SEED
+
+    @model_validator(mode="after")
+    def _free_space_is_of_rays(self) -> Self:
+        if self.free_space and self.touches != "rays":
+            raise ValueError(
+                f"free_space: touches {self.touches!r} show no ray that passed; it needs 'rays'"
+            )
+        return self
 
 
 class UNetSettings(NetSettings):
@@ -369,12 +389,13 @@ PROFILES = {
         search=SearchSettings(
             trials=100,
             epochs=10,
+            touches="stored",
             learning_rate=[1e-7, 1e-2],
             batch_sizes=[4, 8, 16],
             depths=[3, 4, 5, 6],
             channels=[16, 32, 64, 128, 256],
         ),
-        unet=UNetSettings(epochs=200, patience=20),
+        unet=UNetSettings(epochs=200, patience=20, touches="stored"),
         policies=PolicySettings(seeds=[0, 1, 2], steps_per_stage=500_000),
     ),
 }

@@ -83,6 +83,11 @@ def felt_outlines(shapes: Shapes, fewest: int = FEWEST, most: int = MOST) -> Dra
     return draw
 
 
+def outline_source(shapes: Shapes) -> TouchSource:
+    """Draws 1 to 10 touches uniformly from each outline, afresh each time."""
+    return TouchSource(felt_outlines(shapes), key="outline")
+
+
 def touch_images(points: np.ndarray, held: np.ndarray, resolution: int) -> np.ndarray:
     """Touches (B, K, 2) of which `held` (B, K) count, as images (B, R, R) int8, 0 or 1."""
     images = np.zeros((len(points), resolution, resolution), np.int8)

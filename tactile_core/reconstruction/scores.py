@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
-from tactile_core.dataset.shapes import Shapes, as_points
-from tactile_core.errors import TactileError
+from tactile_core.dataset.shapes import Shapes
 from tactile_core.reconstruction.batches import draw_touch_sets, felt_outlines
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
+from tactile_core.reconstruction.stored_touches import touch_sets_of
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
 from tactile_core.reconstruction.unet import on_device
@@ -50,27 +50,6 @@ def evaluate_reconstruction(
             rows.append((split, touches, loss, float(scores.mean()), len(scores)))
     table = pd.DataFrame(rows, columns=["split", "touches", "loss", "jaccard", "samples"])
     return table.astype({"touches": "Int64"})
-
-
-def touch_sets_of(
-    shapes: Shapes, tactile_samples: pd.DataFrame
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The stored touch sets of `shapes`: indices of their shapes (S,), and S arrays (k, 2).
-
-    Raises `TactileError` where they are those of other outlines.
-    """
-    index = {sample: position for position, sample in enumerate(shapes.sample_ids)}
-    rows = tactile_samples[tactile_samples["sample_id"].isin(index.keys())]
-    indices = np.array([index[sample] for sample in rows["sample_id"]], int)
-    sets = [as_points(touches) for touches in rows["touches"]]
-    outlines = [set(map(tuple, outline.tolist())) for outline in shapes.outlines]
-    for number, touches in zip(indices, sets, strict=True):
-        if not outlines[number].issuperset(map(tuple, touches.tolist())):
-            raise TactileError(
-                f"touches of {shapes.sample_ids[number]} lie off its outline: materialise "
-                "tactile_samples again"
-            )
-    return indices, sets
 
 
 def mean_shape_jaccard(train: Shapes, test: Shapes) -> float:

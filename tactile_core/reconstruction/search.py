@@ -17,6 +17,7 @@ from ray.tune.search.bohb import TuneBOHB
 from tactile_core.cluster import running_ray
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
+from tactile_core.reconstruction.batches import TouchSource, outline_source
 from tactile_core.reconstruction.trial import run_trial
 from tactile_core.settings import SearchSettings
 
@@ -26,6 +27,7 @@ def search_unet(
     eval_shapes: Shapes,
     settings: SearchSettings,
     *,
+    touches: TouchSource | None = None,
     work: Path,
     token: Path,
     progress: Callable[[str], None] = lambda message: None,
@@ -36,14 +38,17 @@ def search_unet(
     `RAY_ADDRESS` names a running cluster; unset, a local Ray starts and is shut down, which asks
     for the secret in the file `token`. With `concurrent` 1 the same seed gives the same table.
     All nodes of a cluster must see `work` under the same path: Ray keeps the trials' checkpoints
-    there. Raises `TactileError` where every trial failed.
+    there. `touches` replaces the uniform draw of outline touches that trials learn from. Raises
+    `TactileError` where every trial failed.
 
     Ray cannot restore a BOHB search. So trials leave their epochs in `work`, keyed by what
     they tried: a search that was killed and starts again repeats the same suggestions and
     finds their epochs done.
     """
     with running_ray(settings.concurrent, token), seeded(settings.seed):
-        results = run_trials(train, eval_shapes, settings, work.resolve(), progress)
+        results = run_trials(
+            train, eval_shapes, settings, touches or outline_source(train), work.resolve(), progress
+        )
     # A trial that failed keeps its last good report: it must not win the search by that.
     ended = [results[index] for index in range(len(results))]
     finished = [result.metrics or {} for result in ended if result.error is None]
@@ -75,12 +80,18 @@ def run_trials(
     train: Shapes,
     eval_shapes: Shapes,
     settings: SearchSettings,
+    touches: TouchSource,
     work: Path,
     progress: Callable[[str], None],
 ) -> tune.ResultGrid:
     """Let BOHB suggest and HyperBand pause trials until all have had their epochs."""
     trainable = tune.with_parameters(
-        run_trial, train=train, eval_shapes=eval_shapes, settings=settings, work=work / "epochs"
+        run_trial,
+        train=train,
+        eval_shapes=eval_shapes,
+        settings=settings,
+        touches=touches,
+        work=work / "epochs",
     )
     tuner = tune.Tuner(
         tune.with_resources(trainable, resources_per_trial(settings.concurrent)),

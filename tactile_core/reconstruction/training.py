@@ -21,6 +21,7 @@ from tactile_core.reconstruction.batches import (
     TouchSource,
     draw_touch_sets,
     felt_outlines,
+    outline_source,
     training_batches,
 )
 from tactile_core.reconstruction.hyperparameters import required
@@ -184,7 +185,7 @@ def train_unet(
         known = KnownShapes(unpack(packed, train.resolution), models)
     training = begin_training(depth, channels, rate, settings.seed, known)
     touch_sets = draw_touch_sets(eval_shapes, np.random.default_rng(settings.seed))
-    touches = touches or TouchSource(felt_outlines(train), key="outlines")
+    touches = touches or outline_source(train)
     key = work_key(
         "reconstruction.training",
         settings=settings,

@@ -11,7 +11,7 @@ from ray import tune
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.keys import work_key
-from tactile_core.reconstruction.batches import draw_touch_sets
+from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
 from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
 from tactile_core.settings import SearchSettings
 
@@ -23,6 +23,7 @@ def run_trial(
     train: Shapes,
     eval_shapes: Shapes,
     settings: SearchSettings,
+    touches: TouchSource,
     work: Path,
 ) -> None:
     """Train one hyperparameter setting, reporting loss and Jaccard on eval after each epoch.
@@ -37,7 +38,7 @@ def run_trial(
     depth, channels = int(config["depth"]), int(config["channels"])
     training = begin_training(depth, channels, float(config["learning_rate"]), settings.seed)
     touch_sets = draw_touch_sets(eval_shapes, np.random.default_rng(settings.seed))
-    key = trial_key(config, train, eval_shapes, settings)
+    key = trial_key(config, train, eval_shapes, settings, touches)
     kept = work / f"{key}.pt"
     curve: list[dict[str, float]] = []
     reported = 0
@@ -55,7 +56,9 @@ def run_trial(
     for epoch in range(reported, settings.epochs):
         if epoch >= len(curve):
             batch_size = int(config["batch_size"])
-            train_epoch(training, train, batch_size, samples=settings.samples_per_epoch)
+            train_epoch(
+                training, train, batch_size, touches.draw, samples=settings.samples_per_epoch
+            )
             loss, scores = evaluate(training.net, touch_sets, eval_shapes.masks, training.device)
             curve = [*curve, {"loss": loss, "jaccard": float(scores.mean())}]
             save_checkpoint(kept, key, {"curve": curve, "training": training.state()})
@@ -66,7 +69,11 @@ def run_trial(
 
 
 def trial_key(
-    config: dict[str, Any], train: Shapes, eval_shapes: Shapes, settings: SearchSettings
+    config: dict[str, Any],
+    train: Shapes,
+    eval_shapes: Shapes,
+    settings: SearchSettings,
+    touches: TouchSource,
 ) -> str:
     """The key of everything that a trial's result depends on, however many epochs it may have."""
     tried = {name: repr(value) for name, value in config.items()}
@@ -76,4 +83,5 @@ def trial_key(
         seed=settings.seed,
         train=train.version,
         eval=eval_shapes.version,
+        touches=touches.key,
     )

@@ -260,6 +260,7 @@ from tactile_core.exploration.learning.train import train_policy
 from tactile_core.files import read_table, write_table
 from tactile_core.reconstruction.trained import load_unet, save_unet
 from tactile_core.reconstruction.training import train_unet
+from tactile_core.reconstruction.batches import outline_source
 from tactile_core.reconstruction.trial import trial_key
 from tactile_core.settings import (
     MaskSettings, MeshSettings, PolicySettings, SearchSettings, SplitSettings, UNetSettings,
@@ -314,7 +315,7 @@ for name in ("total", "gain"):
         directory=UPath(home / name), work=home / "work" / name, progress=said.append,
     )
     kept[name] = any("kept" in line for line in said)
-key = trial_key({"depth": 2}, train, eval_shapes, SearchSettings())
+key = trial_key({"depth": 2}, train, eval_shapes, SearchSettings(), outline_source(train))
 print(json.dumps({"masks": rendered[0], "rotated": rendered[1], "unet": unet_resumed, **kept,
                   "trial": key}))
 """

@@ -16,7 +16,14 @@ from tactile_core.exploration.world.circle import circle_pixels
 from tactile_core.exploration.world.rays import RAYS, candidate_rays, cast_rays, mark_free
 from tactile_core.files import content_hash
 from tactile_core.keys import work_key
-from tactile_core.reconstruction.batches import TouchSource, outline_touches, touch_images
+from tactile_core.reconstruction.batches import (
+    TouchSource,
+    outline_source,
+    outline_touches,
+    touch_images,
+)
+from tactile_core.reconstruction.stored_touches import stored_touches
+from tactile_core.settings import Touches
 
 SEQUENCES = 8  # of each kind for each shape
 
@@ -63,6 +70,30 @@ def practised(practice_rays: pd.DataFrame, shapes: Shapes) -> RaySequences:
     if (cast_rays(shapes.masks, rays.reshape(-1, 2), owners) != touches.reshape(-1, 2)).any():
         raise others
     return RaySequences(rays, touches)
+
+
+def touch_source(
+    kind: Touches,
+    shapes: Shapes,
+    tactile_samples: pd.DataFrame,
+    *,
+    seed: int,
+    free_space: bool = False,
+    practice: RaySequences | None = None,
+) -> TouchSource:
+    """The touches that a U-Net learns from, as its settings name them.
+
+    Raises `TactileError` where there is practice and `kind` has no use for it.
+    """
+    if practice and kind != "rays":
+        raise TactileError(f"touches {kind!r} leave practice_rays unused: choose 'rays'")
+    match kind:
+        case "stored":
+            return stored_touches(shapes, tactile_samples)
+        case "outline":
+            return outline_source(shapes)
+        case "rays":
+            return rays_and_outlines(shapes, seed, free_space, practice)
 
 
 def rays_and_outlines(

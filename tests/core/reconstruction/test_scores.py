@@ -12,8 +12,8 @@ from tactile_core.reconstruction.scores import (
     evaluate_reconstruction,
     mean_shape_jaccard,
     overfit_jaccard,
-    touch_sets_of,
 )
+from tactile_core.reconstruction.stored_touches import touch_sets_of
 
 
 @pytest.fixture(scope="module")

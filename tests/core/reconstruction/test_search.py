@@ -11,7 +11,7 @@ from ray.cluster_utils import Cluster
 from tactile_core.cluster import QUIET_RAY, running_ray
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction import search as search_module
-from tactile_core.reconstruction.batches import draw_touch_sets
+from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
 from tactile_core.reconstruction.hyperparameters import with_best_trial
 from tactile_core.reconstruction.search import (
     resources_per_trial,
@@ -146,7 +146,7 @@ def test_a_trial_that_fails_is_told_and_left_out(search, tmp_path):
 
 
 def test_a_trial_that_fails_after_a_good_report_cannot_win(search, tmp_path, monkeypatch):
-    def explodes(config, train, eval_shapes, settings, work):
+    def explodes(config, train, eval_shapes, settings, touches, work):
         from ray import tune
 
         deep = config["depth"] == 2
@@ -214,17 +214,23 @@ def test_a_kept_epoch_belongs_to_all_that_it_depends_on(small_shapes):
     train, evaluation = small_shapes["train"], small_shapes["eval"]
     config = {"learning_rate": 1e-3, "batch_size": 6, "depth": 1, "channels": 2}
     longer = SETTINGS.model_copy(update={"epochs": 9, "trials": 9})
-    key = trial_key(config, train, evaluation, SETTINGS)
-    assert key == trial_key(dict(reversed(config.items())), train, evaluation, longer)
+    drawn = TouchSource(lambda rng, indices: None, "some")
+
+    def key_of(settings=SETTINGS, touches=drawn, train=train, eval_shapes=evaluation, **tried):
+        return trial_key({**config, **tried}, train, eval_shapes, settings, touches)
+
+    key = key_of()
+    assert key == trial_key(dict(reversed(config.items())), train, evaluation, longer, drawn)
     others = {
         key,
-        trial_key({**config, "depth": 2}, train, evaluation, SETTINGS),
-        trial_key(config, evaluation, evaluation, SETTINGS),
-        trial_key(config, train, train, SETTINGS),
-        trial_key(config, train, evaluation, SETTINGS.model_copy(update={"seed": 1})),
-        trial_key(config, train, evaluation, SETTINGS.model_copy(update={"samples_per_epoch": 4})),
+        key_of(depth=2),
+        key_of(train=evaluation),
+        key_of(eval_shapes=train),
+        key_of(SETTINGS.model_copy(update={"seed": 1})),
+        key_of(SETTINGS.model_copy(update={"samples_per_epoch": 4})),
+        key_of(touches=drawn._replace(key="others")),
     }
-    assert len(others) == 6
+    assert len(others) == 7
 
 
 def test_the_best_trial_fills_what_the_settings_leave_empty(table):
