@@ -41,7 +41,7 @@ REMEDY = {
     True: "TACTILE_REAL must name other meshes than those of the data set",
 }
 TRAINED = ("unet", "policies")  # an evaluation is made anew where one of these is new
-CODE = "evaluation.protocols", "exploration.policies.store"
+CODE = "evaluation.protocols", "evaluation.unseen", "exploration.policies.store"
 PER_STEP = code_version(*CODE, PROFILE.per_step)
 PER_GRASP = code_version(*CODE, PROFILE.per_grasp)
 

@@ -183,7 +183,7 @@ def unet(
 
 @dg.asset(
     kinds={"pytorch", "parquet"},
-    code_version=code_version("reconstruction.scores"),
+    code_version=code_version("reconstruction.scores", "evaluation.unseen"),
     automation_condition=after("unet"),
     **wing("reconstruction"),
 )
