@@ -25,6 +25,7 @@ from tactile_core.evaluation.bootstrap import (
 FIRST = (
     "random",
     "even",
+    "sequence",
     "coverage",
     "uncertainty",
     "diff",

@@ -35,6 +35,7 @@ class Line(NamedTuple):
 POLICY_LINES = {
     "random": Line("#a3a8af", (0, (1, 1.2))),
     "even": Line("#6d737c", (0, (5, 1.6))),
+    "sequence": Line("#6d737c", (0, (1, 1))),
     "coverage": Line("#6d737c", (0, (5, 1.4, 1, 1.4))),
     "uncertainty": Line("#a3a8af", (0, (2.5, 1.4))),
     "diff": Line("#0072b2"),

@@ -12,12 +12,13 @@ from tactile_core.value_versions import value_version
 
 @dataclass(frozen=True)
 class Approach:
-    """A named training recipe: PPO through `stages`, or learning the gains of rays."""
+    """A named training recipe: PPO through `stages`, learning the gains of rays, or
+    looking for a fixed sequence of them."""
 
     name: str
     description: str
     stages: tuple[Stage, ...] = ()
-    learner: Literal["ppo", "gains"] = "ppo"
+    learner: Literal["ppo", "gains", "sequence"] = "ppo"
 
     @property
     def version(self) -> str:

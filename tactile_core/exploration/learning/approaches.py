@@ -40,6 +40,12 @@ APPROACHES: dict[str, Approach] = {
             "of these rays on train shapes that agree with what was felt.",
             learner="gains",
         ),
+        Approach(
+            "sequence",
+            "Beyond the report: ten rays, the same for every shape, that are best on average on train "
+            "shapes. It tells what adapting to a shape is worth.",
+            learner="sequence",
+        ),
     )
 }
 

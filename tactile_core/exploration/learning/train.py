@@ -13,9 +13,11 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.learning.gain_learner import train_scorer
 from tactile_core.exploration.learning.ppo import train_ppo
+from tactile_core.exploration.learning.sequence import best_sequence
 from tactile_core.exploration.policies.ppo import net_weights
 from tactile_core.exploration.policies.store import (
     FOR_SB3,
+    RAYS_OF_SEQUENCE,
     StoredPolicy,
     describe,
     read_weights,
@@ -64,6 +66,9 @@ def train_policy(
                 title, seed, some, reconstructor, settings, key=key, work=work, progress=progress
             )
             tensors = net.state_dict() | {PACKED_SHAPES: torch.from_numpy(pack(train.masks))}
+        elif approach.learner == "sequence":
+            rays, curve = best_sequence(title, seed, some, reconstructor, progress)
+            tensors = {RAYS_OF_SEQUENCE: torch.from_numpy(rays)}
         else:
             model, curve = train_ppo(
                 approach, seed, some, reconstructor, settings,
@@ -96,8 +101,11 @@ def training_key(
 ) -> str:
     """The key of all that a training depends on; PPO's settings do not concern a ray scorer, nor
     a ray scorer's PPO."""
-    others = set(PolicySettings.model_fields) - OF_GAINS
-    concerned = OF_GAINS if approach.learner == "gains" else others - NOT_OF_THE_TRAINING
+    concerned = {
+        "ppo": set(PolicySettings.model_fields) - OF_GAINS - NOT_OF_THE_TRAINING,
+        "gains": OF_GAINS,
+        "sequence": set[str](),
+    }[approach.learner]
     return work_key(
         "exploration.learning.train",
         settings=settings.model_dump(include=concerned),

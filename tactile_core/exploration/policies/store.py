@@ -21,6 +21,8 @@ from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.ppo import PPOPolicy, net_with
 from tactile_core.exploration.policies.recall import RecallPolicy, load_known_shapes
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
+from tactile_core.exploration.policies.sequence import SequencePolicy
+from tactile_core.exploration.world.circle import circle_pixels
 from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES
@@ -29,6 +31,7 @@ from tactile_core.settings import PolicySettings, Settings, problems
 WEIGHTS, CURVE, DESCRIPTION = "policy.safetensors", "curve.parquet", "settings.json"
 TRAINED_ON = "trained_on.parquet"
 FOR_SB3 = "policy.zip"
+RAYS_OF_SEQUENCE = "rays"  # its one tensor
 
 
 class StoredPolicy(Settings):
@@ -39,7 +42,7 @@ class StoredPolicy(Settings):
     """
 
     approach: str
-    learner: Literal["ppo", "gains"]
+    learner: Literal["ppo", "gains", "sequence"]
     seed: int
     settings: PolicySettings
     resolution: int
@@ -137,7 +140,9 @@ def stored_in(directory: UPath, unet: str, resolution: int) -> list[Policy]:
             "policies again"
         )
     tensors = read_weights(directory, description)
-    load = {"ppo": ppo_policies, "gains": scorer_policies}[description.learner]
+    load = {"ppo": ppo_policies, "gains": scorer_policies, "sequence": sequence_policies}[
+        description.learner
+    ]
     try:
         return load(description, tensors)
     except (KeyError, RuntimeError) as error:  # tensors of other names or shapes
@@ -157,6 +162,17 @@ def scorer_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> li
 def ppo_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> list[Policy]:
     net = net_with(tensors, description.resolution).to(best_device())
     return [PPOPolicy(description.approach, description.seed, net)]
+
+
+def sequence_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> list[Policy]:
+    rays = tensors[RAYS_OF_SEQUENCE].numpy()
+    if (
+        rays.ndim != 2
+        or rays.shape[1] != 2
+        or rays.max() >= len(circle_pixels(description.resolution))
+    ):
+        raise KeyError("these are not rays of this resolution")
+    return [SequencePolicy(description.approach, description.seed, rays)]
 
 
 def damaged(directory: UPath, reason: str) -> TactileError:
