@@ -42,8 +42,8 @@ APPROACHES: dict[str, Approach] = {
         ),
         Approach(
             "sequence",
-            "Beyond the report: ten rays, the same for every shape, that are best on average on train "
-            "shapes. It tells what adapting to a shape is worth.",
+            "Beyond the report: ten rays, the same for every shape, that are best on average on "
+            "train shapes. It tells what adapting to a shape is worth.",
             learner="sequence",
         ),
     )
