@@ -29,7 +29,7 @@ NAMED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 INSTALLED_AS = {"skimage": "scikit-image", "PIL": "pillow"}
 LIBRARIES = (
     "numpy", "scipy", "numba", "torch", "skimage", "PIL", "trimesh", "stable_baselines3",
-    "gymnasium", "ray", "hpbandster",
+    "gymnasium", "ray", "hpbandster", "openvino",
 )  # fmt: skip
 
 

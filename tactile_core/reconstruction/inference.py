@@ -6,14 +6,16 @@ from typing import Literal
 import numpy as np
 import torch
 
+from tactile_core.reconstruction.engines import CompiledUNet, openvino_pays
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.reconstruction.unet import fuse_normalisation, on_device
+from tactile_core.reconstruction.unet import OUTSIDE, fuse_normalisation, on_device
 
 Precision = Literal["auto", "bfloat16", "float32"]
 
 # Larger batches leave the CPU's caches, and do not fit a GPU's memory.
 LARGEST_CPU_BATCH = {torch.bfloat16: 256, torch.float32: 64}
 MOST_GPU_PIXELS = 2**23  # 128 images at 256×256: some 3 GB in the report's widest net
+NO_OBJECT = torch.sigmoid(torch.tensor(OUTSIDE)).item()  # what the U-Net says outside its window
 LARGEST_TABLE = 64  # resolution; 17 MB there, and sixteen times as much at twice that
 
 
@@ -31,7 +33,11 @@ def bfloat16_pays(device_type: str) -> bool:
 
 
 class Reconstructor:
-    """A trained U-Net ready to predict; `precision` "auto" takes bfloat16 where it pays."""
+    """A trained U-Net ready to predict; `precision` "auto" takes bfloat16 where it pays.
+
+    On a processor it runs through OpenVINO, where that pays, else through PyTorch; shapes are
+    recalled in PyTorch. It pickles; what OpenVINO compiled is compiled again at its next use.
+    """
 
     def __init__(self, unet: TrainedUNet, precision: Precision = "auto") -> None:
         self.device = best_device()
@@ -41,7 +47,26 @@ class Reconstructor:
         self.resolution = unet.resolution
         self.free_space = unet.free_space
         self.version = unet.version()
-        self._net = on_device(fuse_normalisation(unet.net()), self.device, self.dtype)
+        net = fuse_normalisation(unet.net())
+        # OpenVINO is given float32 weights and rounds them itself.
+        self._compiled = openvino_pays(net, self.device)
+        weights = torch.float32 if self._compiled else self.dtype
+        self._net = on_device(net, self.device, weights)
+        if self._net.known is not None:
+            self._net.known.to(self.dtype)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in vars(self).items() if name != "_engine"}
+
+    @property
+    def runs(self) -> str:
+        """What it runs on, in words."""
+        engine = "OpenVINO" if self._compiled else "PyTorch"
+        return f"{engine} on {self.device.type}, {str(self.dtype).removeprefix('torch.')}"
+
+    @functools.cached_property
+    def _engine(self) -> CompiledUNet:
+        return CompiledUNet(self._net, self.dtype, self.resolution)
 
     @torch.inference_mode()
     def predict(self, felt: np.ndarray) -> np.ndarray:
@@ -52,13 +77,22 @@ class Reconstructor:
         """
         on_cpu = self.device.type == "cpu"
         batch = LARGEST_CPU_BATCH[self.dtype] if on_cpu else MOST_GPU_PIXELS // self.resolution**2
-        parts = [self._forward(felt[start : start + batch]) for start in range(0, len(felt), batch)]
+        forward = self._forward_compiled if self._compiled else self._forward
+        parts = [forward(felt[start : start + batch]) for start in range(0, len(felt), batch)]
         return np.concatenate(parts) if parts else np.zeros(felt.shape, np.float32)
 
     def _forward(self, felt: np.ndarray) -> np.ndarray:
         images = torch.from_numpy(np.ascontiguousarray(felt, dtype=np.int8)).to(self.device)
         logits = self._net(images.to(self.dtype)[:, None])
         return torch.sigmoid(logits.float())[:, 0].cpu().numpy()
+
+    def _forward_compiled(self, felt: np.ndarray) -> np.ndarray:
+        images = torch.from_numpy(np.ascontiguousarray(felt, dtype=np.int8))
+        windows = self._net.windows(images.float()[:, None]).contiguous()
+        start, end = self.resolution // 4, self.resolution - self.resolution // 4
+        predictions = np.full(felt.shape, NO_OBJECT, np.float32)
+        predictions[:, start:end, start:end] = self._engine.complete(windows.numpy())
+        return predictions
 
     @functools.cached_property
     def single_touches(self) -> np.ndarray | None:

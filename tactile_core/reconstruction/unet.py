@@ -42,6 +42,12 @@ class UNet(nn.Module):
 
     def forward(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
         """`models` : (N,) str, of which nothing is recalled, as their own shapes are known."""
+        margin = felt.shape[-1] // 4
+        logits = self.complete(self.windows(felt, models))
+        return functional.pad(logits, [margin] * 4, value=OUTSIDE)
+
+    def windows(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
+        """The middle half of what was felt and recalled, (N, 1 or 2, W, W)."""
         resolution = felt.shape[-1]
         margin = resolution // 4
         levels = len(self.contract)
@@ -53,7 +59,10 @@ class UNet(nn.Module):
         if self.known is not None:
             recalled = self.known.mean(felt[:, 0], models)[:, None].to(felt.dtype)
             felt = torch.cat([felt, recalled], dim=1).contiguous(memory_format=torch.channels_last)
-        x = felt[..., margin : resolution - margin, margin : resolution - margin]
+        return felt[..., margin : resolution - margin, margin : resolution - margin]
+
+    def complete(self, x: Tensor) -> Tensor:
+        """Logits (N, 1, W, W) of windows (N, 1 or 2, W, W)."""
         skipped = []
         for level, block in enumerate(self.contract):
             x = block(functional.max_pool2d(x, 2) if level else x)  # (N, C·2^level, W/2^level, …)
@@ -62,7 +71,7 @@ class UNet(nn.Module):
         for raise_, block in zip(self.raise_, self.expand, strict=True):
             raised = functional.interpolate(raise_(x), scale_factor=2.0)
             x = block(torch.cat([skipped.pop(), raised], dim=1))
-        return functional.pad(self.head(x), [margin] * 4, value=OUTSIDE)
+        return self.head(x)
 
 
 def _block(inside: int, outside: int) -> nn.Sequential:
