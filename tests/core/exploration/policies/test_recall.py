@@ -82,15 +82,6 @@ def test_recall_casts_the_best_of_the_rays_it_tried(known, shapes, reconstructor
         assert scores[(some == ray).all(axis=1)].max() == scores.max()
 
 
-def test_recall_never_looks_at_the_true_shape(known, shapes, reconstructor, scorer):
-    policy = RecallPolicy("recall", 0, scorer, known)
-    explorations = explored(shapes["test"].masks, reconstructor, rays=2)
-    seen = policy.choose(explorations, np.random.default_rng(0), True)
-    explorations.masks = np.zeros_like(explorations.masks)
-    blind = policy.choose(explorations, np.random.default_rng(0), True)
-    np.testing.assert_array_equal(seen, blind)
-
-
 def test_every_portion_casts_rays_that_were_tried(
     known, shapes, reconstructor, scorer, monkeypatch
 ):

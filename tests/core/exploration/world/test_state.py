@@ -85,6 +85,7 @@ def test_the_u_net_is_asked_again_only_where_more_was_felt(
     shapes, either_reconstructor, monkeypatch
 ):
     explorations = Explorations(shapes["test"].masks, either_reconstructor)
+    assert either_reconstructor.single_touches is not None  # asks when it is first looked at
     asked = []
     predict = either_reconstructor.predict
     monkeypatch.setattr(
