@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: run install test ui bench lint format help
+.PHONY: run install test mutants ui bench lint format help
 SHELL := /bin/bash
 PYTHON ?= python3
 
@@ -27,6 +27,9 @@ $(STAMP):
 
 test: install ## Install what is missing and run the tests, in random order on all cores
 	@$(ACTIVATE) && pytest -n auto --maxprocesses 8 --dist loadscope
+
+mutants: install ## See whether the tests tell small changes of the code (an hour); docs/mutation.md
+	@$(ACTIVATE) && python -m tests.mutants
 
 ui: install ## Dagster's web interface on http://localhost:3000
 	@echo "The whole graph: $(GRAPH)"

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from skimage.draw import line
 
 from tactile_core.dataset.outlines import outline
+from tactile_core.exploration.world import rays as world_rays
 from tactile_core.exploration.world.circle import circle_pixels, middle
 from tactile_core.exploration.world.rays import (
     candidate_rays,
@@ -68,7 +69,8 @@ def test_free_is_exactly_what_lies_before_the_touch(drawn):
     mask, rays = drawn
     touches = cast_rays(mask[None], rays, np.zeros(RAYS, int))
     free = np.zeros((RAYS, *mask.shape), np.uint8)
-    mark_free(free, rays, touches)
+    found = mark_free(free, rays, touches)
+    assert found.tolist() == free.sum(axis=(1, 2)).tolist()
     for ray, image in zip(rays, free, strict=True):
         crossed = line_of(ray, len(mask))
         hits = [place for place, pixel in enumerate(crossed) if mask[pixel]]
@@ -76,10 +78,16 @@ def test_free_is_exactly_what_lies_before_the_touch(drawn):
         assert set(map(tuple, np.argwhere(image).tolist())) == expected
 
 
-def test_what_was_free_stays_free():
-    free = np.ones((1, 32, 32), np.uint8)
-    mark_free(free, np.array([[0, 40]]), np.array([[-1, -1]], np.int16))
-    assert free.all()
+def test_what_was_free_stays_free_and_is_not_found_again():
+    free = np.zeros((1, 32, 32), np.uint8)
+    ray, missed = np.array([[0, 40]]), np.array([[-1, -1]], np.int16)
+    pixels = len(line_of(ray[0], 32))
+    assert mark_free(free, ray, missed).tolist() == [pixels]
+    assert mark_free(free, ray, missed).tolist() == [0]
+    assert free.sum() == pixels
+    crossing = np.array([[20, 60]])
+    new = set(line_of(crossing[0], 32)) - set(line_of(ray[0], 32))
+    assert mark_free(free, crossing, missed).tolist() == [len(new)]
 
 
 def test_ray_i_meets_mask_i_unless_told_otherwise(shapes):
@@ -119,6 +127,22 @@ def test_candidate_rays_come_from_every_direction_and_cover_the_middle_half(reso
     assert (ordered[:, 0] < -reach + 1.5).all()
     assert (ordered[:, -1] > reach - 1.5).all()
     assert (np.diff(ordered, axis=1) < 2 * reach / (offsets - 1) + 1.5).all()
+
+
+def test_the_outermost_candidate_rays_pass_a_pixel_inside_the_middle_half():
+    """On average over all angles, which takes out that they end at whole pixels."""
+    assert candidate_rays(512).shape == (36, 11, 2)
+    ends = ray_ends(candidate_rays(512).reshape(-1, 2), 512).astype(float) - np.tile(middle(512), 4)
+    start, along = ends[:, :2], ends[:, 2:] - ends[:, :2]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    passing = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]).reshape(36, 11)
+    expected = np.linspace(-127, 127, 11)
+    side = np.sign(passing[0, -1])
+    np.testing.assert_allclose(side * passing.mean(axis=0), expected, atol=0.2)
+
+
+def test_an_episode_has_the_reports_ten_rays():
+    assert world_rays.RAYS == 10
 
 
 def test_the_pixels_along_candidate_rays_are_those_of_their_lines():
