@@ -117,7 +117,7 @@ def test_an_unknown_profile_is_refused_with_the_names_of_the_known_ones(tmp_path
     done = shell("dagster asset list", tmp_path / "home", TACTILE_PROFILE="large")
     assert done.returncode != 0
     assert (
-        "TACTILE_PROFILE='large' is unknown: choose one of smoke, laptop, study, paper"
+        "TACTILE_PROFILE='large' is unknown: choose one of smoke, laptop, study, report, paper"
         in done.stderr
     )
 

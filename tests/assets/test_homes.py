@@ -66,5 +66,5 @@ def test_an_unknown_profile_is_told_in_one_line_by_every_command(tmp_path):
         done = shell(command, tmp_path, TACTILE_PROFILE="huge")
         assert done.returncode != 0
         assert done.stderr.strip().splitlines() == [
-            "TACTILE_PROFILE='huge' is unknown: choose one of smoke, laptop, study, paper"
+            "TACTILE_PROFILE='huge' is unknown: choose one of smoke, laptop, study, report, paper"
         ]

@@ -50,7 +50,7 @@ def test_the_environment_names_the_profile_and_where_meshes_come_from():
 
 def test_an_unknown_profile_is_refused_with_the_known_ones():
     with pytest.raises(
-        TactileError, match="'big' is unknown: choose one of smoke, laptop, study, paper"
+        TactileError, match="'big' is unknown: choose one of smoke, laptop, study, report, paper"
     ):
         active_profile({"TACTILE_PROFILE": "big"})
 

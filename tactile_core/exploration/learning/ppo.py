@@ -88,6 +88,7 @@ def new_model(env: BatchedTactileEnv, settings: PolicySettings, seed: int) -> PP
         batch_size=settings.batch_size,
         n_epochs=settings.epochs,
         ent_coef=settings.entropy,
+        gamma=settings.discount,
         seed=seed,
         device=best_device(),
     )
