@@ -31,6 +31,8 @@ TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 POINTS_AND_LINES, TRIANGLES, STRIP, FAN = (0, 1, 2, 3), 4, 5, 6
 
+LONGEST_JSON = 64 << 20  # bytes, for it takes 20 times as much when read
+
 Json = dict[str, Any]
 Mesh = list[tuple[np.ndarray, np.ndarray]]  # of each primitive: vertices (V, 3), triangles (F, 3)
 
@@ -82,6 +84,8 @@ def _chunks(data: bytes) -> tuple[Json, bytes]:
         at += 8 + size
     if b"JSON" not in chunks:
         raise TactileError("cannot be read as GLB (it has no JSON)")
+    if len(chunks[b"JSON"]) > LONGEST_JSON:
+        raise TactileError(f"has more than {LONGEST_JSON >> 20} MiB of JSON")
     document = json.loads(chunks[b"JSON"])
     if not isinstance(document, dict):
         raise TactileError("cannot be read as GLB (its JSON is no object)")

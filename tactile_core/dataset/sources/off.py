@@ -5,12 +5,14 @@ from array import array
 
 import numpy as np
 
-from tactile_core.dataset.sources.polygons import fans
-from tactile_core.dataset.sources.text import as_ascii, ranges, rows, starts
+from tactile_core.dataset.sources.polygons import check_number, fans
+from tactile_core.dataset.sources.text import as_ascii, gathered, rows, starts, whole
 from tactile_core.errors import TactileError
 
 # ModelNet glues the first count to the word: OFF8 6 0.
-HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?(?:OFF|off)")
+HEADER = re.compile(
+    rb"(?:\s|#[^\n\r]*[\n\r])*(ST)?(C)?(N)?(4)?(n)?(?:OFF|off)(?:[ \t]*(BINARY)[^\n]*\n)?"
+)
 COMMENT = re.compile(rb"#[^\n\r]*")
 
 
@@ -21,56 +23,57 @@ def read_off(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     that the header announces is missing.
     """
     data = as_ascii(data)
-    text = COMMENT.sub(b"", data[:4096]) if b"BINARY" in data[:4096] else COMMENT.sub(b"", data)
-    header = HEADER.match(text)
+    header = HEADER.match(data)
     if header is None:
         raise TactileError("cannot be read as OFF (it does not begin with OFF)")
     if header[5] == b"n":
         raise TactileError("is an nOFF, of any number of dimensions, which is not read")
-    if re.match(rb"[ \t]*BINARY", text[header.end() :]):
-        vertices, faces = _binary(data[data.index(b"BINARY") :], header)
+    body = data[header.end() :]
+    if header[6]:
+        vertices, faces = _binary(body, header)
     else:
-        vertices, faces = _text(text[header.end() :])
+        vertices, faces = _text(COMMENT.sub(b"", body), bool(header[4]))
     if header[4]:  # homogeneous
         with np.errstate(divide="ignore", invalid="ignore"):
             vertices = vertices / vertices[:, 3:]
     return vertices[:, :3], faces
 
 
-def _text(body: bytes) -> tuple[np.ndarray, np.ndarray]:
+def _text(body: bytes, homogeneous: bool) -> tuple[np.ndarray, np.ndarray]:
     counts, values = rows(body, "line")
     if not len(counts) or counts[0] < 2:
         raise TactileError("cannot be read as OFF (its header has no number of vertices and faces)")
     begins = starts(counts)
     announced, faces_announced = (int(count) for count in values[:2])
     _check_announced(announced, faces_announced)
+    check_number(min(faces_announced, len(counts)))
     at, there = begins[1 : announced + 1], counts[1 : announced + 1]
-    if len(at) < announced or (there[-1:] < 3).any():
-        raise _missing(len(at) - int((there[-1:] < 3).any()), announced, "vertices")
-    if (there < 3).any():
-        raise TactileError("has a vertex with fewer than three numbers")
-    columns = min(4, int(there.min(initial=4)))
-    vertices = values[at[:, None] + np.arange(columns)]
+    width = 3 + homogeneous
+    broken = np.flatnonzero(there < width)
+    if len(broken) and 1 + broken[0] + 1 < len(counts):
+        raise TactileError(f"has a vertex with fewer than {width} numbers")
+    if len(at) - len(broken) < announced:
+        raise _missing(len(at) - len(broken), announced, "vertices")
+    vertices = values[at[:, None] + np.arange(width)]
 
     last = announced + 1 + faces_announced
     at, there = begins[announced + 1 : last], counts[announced + 1 : last]
-    corners = values[at].astype(np.int64)  # colours may follow
+    corners = whole(values[at])  # colours may follow
     broken = np.flatnonzero((corners < 0) | (corners >= there))
     if len(broken) and announced + 1 + broken[0] + 1 < len(counts):
         raise TactileError("has a face with fewer corners than it announces")
     if len(at) - len(broken) < faces_announced:
         raise _missing(len(at) - len(broken), faces_announced, "faces")
-    return vertices, fans(corners, values[ranges(at + 1, corners)].astype(np.int64))
+    return vertices, fans(corners, whole(gathered(values, at + 1, corners)))
 
 
 def _binary(body: bytes, header: re.Match[bytes]) -> tuple[np.ndarray, np.ndarray]:
     """Big-endian: three counts, the vertices as floats, each face with its colours after it."""
-    at = body.index(b"\n") + 1
-    announced, faces_announced, _ = (int(count) for count in np.frombuffer(body, ">i4", 3, at))
+    announced, faces_announced, _ = (int(count) for count in np.frombuffer(body, ">i4", 3))
     _check_announced(announced, faces_announced)
     texture, colour, normal, homogeneous = (bool(part) for part in header.groups()[:4])
     width = 3 + homogeneous + 3 * normal + 4 * colour + 2 * texture
-    at += 12
+    at = 12
     there = min(announced, (len(body) - at) // (4 * width))
     if there < announced:
         raise _missing(there, announced, "vertices")
@@ -89,8 +92,8 @@ def _binary(body: bytes, header: re.Match[bytes]) -> tuple[np.ndarray, np.ndarra
         lengths.append(corners)
         at = colours + 1 + max(0, int(words[colours]))
     counts = np.array(lengths, dtype=np.int64)
-    corner_places = ranges(np.array(begins, dtype=np.int64), counts)
-    return vertices.astype(np.float64), fans(counts, words[corner_places].astype(np.int64))
+    corners_of_all = gathered(words, np.array(begins, dtype=np.int64), counts)
+    return vertices.astype(np.float64), fans(counts, whole(corners_of_all))
 
 
 def _check_announced(vertices: int, faces: int) -> None:

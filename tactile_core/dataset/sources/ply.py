@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tactile_core.dataset.sources.polygons import check_number, fans, strips
-from tactile_core.dataset.sources.text import as_ascii, ranges, rows, starts
+from tactile_core.dataset.sources.text import as_ascii, gathered, rows, starts, whole
 from tactile_core.errors import TactileError
 
 TYPES = {
@@ -19,6 +19,7 @@ TYPES = {
 BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
 END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(?:\r\n|\r|\n|$)")
+LONGEST_HEADER = 4 << 20  # bytes
 WHAT = {"vertex": "vertices", "face": "faces", "tristrips": "strips"}
 
 
@@ -51,6 +52,8 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     end = END.search(data)
     if not data.startswith(b"ply") or end is None:
         raise TactileError("cannot be read as PLY (it has no whole header)")
+    if end.start() > LONGEST_HEADER:
+        raise TactileError(f"has a header of more than {LONGEST_HEADER >> 20} MiB")
     byte_order, elements = _header(data[: end.start()].decode("latin-1"))
     body = end.end()
     if re.match(rb"ply *\r[^\n]", data) and end[0].endswith(b"\r\n"):
@@ -72,7 +75,7 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
             if corners is None:
                 raise TactileError(f"has {WHAT[name]} without vertex_indices")
             if len(corners.counts):
-                faces.append(triangles(corners.counts, corners.values.astype(np.int64)))
+                faces.append(triangles(corners.counts, whole(corners.values)))
     known = {"vertex", "face", "tristrips", "edge"}
     lists = [e.name for e in elements if any(p.count_type for p in e.properties)]
     others = [name for name in lists if name not in known]
@@ -140,14 +143,14 @@ def _text_columns(
         for name, _, count_type in element.properties:
             lengths = np.ones(len(at), dtype=np.int64)
             if count_type is not None:
-                lengths = values[np.minimum(at, len(values) - 1)].astype(np.int64)
+                lengths = whole(values[np.minimum(at, len(values) - 1)])
                 at = at + 1
             broken = np.flatnonzero((at + lengths > ends) | (lengths < 0))
             if len(broken) and line + broken[0] + 1 == len(counts):
                 raise _missing(element, int(broken[0]))
             if len(broken):
                 raise TactileError(f"has a {element.name} with fewer numbers than it announces")
-            columns[name] = Column(lengths, values[ranges(at, lengths)])
+            columns[name] = Column(lengths, gathered(values, at, lengths))
             at = at + lengths
         if len(ends) < last - line:
             raise _missing(element, len(ends))
@@ -193,20 +196,20 @@ def _alike_rows(
             return None
         fields.append((f"values {number}", byte_order + kind, (length,)))
         size += np.dtype(kind).itemsize * length
-    whole = min(element.number, (len(body) - at) // size)
-    table = np.frombuffer(body, np.dtype(fields), whole, at)
+    there = min(element.number, (len(body) - at) // size)
+    table = np.frombuffer(body, np.dtype(fields), there, at)
     columns = {}
     for number, (name, _, count_type) in enumerate(element.properties):
         values = table[f"values {number}"]
         if count_type is not None and (table[f"count {number}"] != values.shape[1]).any():
             return None
-        counts = np.full(whole, values.shape[1], dtype=np.int64)
+        counts = np.full(there, values.shape[1], dtype=np.int64)
         columns[name] = Column(counts, values.reshape(-1))
-    if whole < element.number:
+    if there < element.number:
         if any(p.count_type for p in element.properties):
             return None  # later rows may be shorter
-        raise _missing(element, whole)
-    return columns, at + size * whole
+        raise _missing(element, there)
+    return columns, at + size * there
 
 
 def _other_rows(
@@ -236,6 +239,6 @@ def _other_rows(
     octets = np.frombuffer(body, dtype=np.uint8)
     for (name, *_), (kind, _), column in zip(element.properties, kinds, found, strict=True):
         starts_at, counts = (np.array(numbers, dtype=np.int64) for numbers in column)
-        values = octets[ranges(starts_at, counts * kind.itemsize)].view(kind)
+        values = gathered(octets, starts_at, counts * kind.itemsize).view(kind)
         columns[name] = Column(counts, values)
     return columns, at

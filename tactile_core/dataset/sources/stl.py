@@ -85,4 +85,5 @@ def _binary(data: bytes) -> np.ndarray:
     check_number(announced)
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
     records = np.frombuffer(data, record, announced, HEADER)
-    return records["corners"].reshape(-1, 3).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # some not-a-numbers; they are found later
+        return records["corners"].reshape(-1, 3).astype(np.float64)

@@ -14,6 +14,7 @@ from tactile_core.errors import TactileError
 
 SPACE, NEWLINE = ord(" "), ord("\n")
 PORTION = 4 << 20  # bytes
+ROWS = 1 << 18
 BLANKS = bytes.maketrans(b"\t\v\f", b"   ")
 MARKS = {
     codecs.BOM_UTF8: None,
@@ -86,9 +87,24 @@ def starts(counts: np.ndarray) -> np.ndarray:
     return np.cumsum(counts) - counts
 
 
-def ranges(begins: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """begin, begin + 1, … of each range, `lengths` numbers of them, in one row."""
-    return np.repeat(begins - starts(lengths), lengths) + np.arange(lengths.sum())
+def gathered(values: np.ndarray, begins: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """From each place in `begins` as many values as `lengths` says, all in one row."""
+    found = np.empty(lengths.sum(), dtype=values.dtype)
+    done = 0
+    for first in range(0, len(begins), ROWS):
+        begin, length = begins[first : first + ROWS], lengths[first : first + ROWS]
+        places = np.repeat(begin - starts(length), length) + np.arange(length.sum())
+        found[done : done + len(places)] = values[places]
+        done += len(places)
+    return found
+
+
+def whole(values: np.ndarray) -> np.ndarray:
+    """Corners, or their number, as int64; raises `TactileError` where one is no whole number."""
+    with np.errstate(invalid="ignore"):  # what is too large for an index is none of a vertex
+        if values.dtype.kind == "f" and not (values % 1 == 0).all():
+            raise TactileError("has a face with a corner that is not a whole number")
+        return values.astype(np.int64)
 
 
 def _recoded(data: bytes, encoding: str) -> bytes:

@@ -67,6 +67,7 @@ GOOD = {
     "off": (off(), ".off"),
     "off, on the line": (off("OFF 24 14 0\n"), ".off"),
     "off, glued": (off("OFF24 14 0\n"), ".off"),
+    "off with long comments": (off("# made from BINARY files\n" * 400 + "OFF\n24 14 0\n"), ".off"),
     "off without edges": (off("OFF\n24 14\n"), ".off"),
     "off with comments": (off("# a\nOFF # b\n\n# 1 2 3\n24 14 0 # c\n\n"), ".off"),
     "off with a mark and CRLF": (b"\xef\xbb\xbf" + off().replace(b"\n", b"\r\n"), ".off"),
@@ -78,6 +79,10 @@ GOOD = {
     "stcnoff": (beside_vertices("STCNOFF24 14 0\n", b" 0 0 1 1 1 1 1 0 0"), ".off"),
     "4off": (beside_vertices("4OFF\n24 14 0\n", b" 1"), ".off"),
     "binary off": (b"OFF BINARY\n" + struct.pack(">3i", 24, 14, 0) + BIG_OFF, ".off"),
+    "binary off after a comment": (
+        b"# BINARY\nOFF BINARY\n" + struct.pack(">3i", 24, 14, 0) + BIG_OFF,
+        ".off",
+    ),
     "stl": (binary_stl(), ".stl"),
     "stl that begins as a text": (binary_stl(b"solid exported by a program"), ".stl"),
     "stl with a byte to spare": (binary_stl() + b"\n", ".stl"),
@@ -141,6 +146,10 @@ def test_a_binary_off_that_is_cut_off_says_how_much_there_is():
 def test_an_off_of_other_dimensions_or_without_counts_says_so():
     assert "nOFF" in refusal(off("nOFF\n3\n24 14 0\n"), ".off")
     assert "no number of vertices and faces" in refusal(b"OFF\n", ".off")
+    assert "vertex with fewer than 3 numbers" in refusal(
+        off().replace(b"0.866025 ", b"", 1), ".off"
+    )
+    assert "not a whole number" in refusal(off().replace(b"4 0 1 ", b"4 0 1.5 "), ".off")
     assert "does not begin with OFF" in refusal(b"24 14 0\n", ".off")
 
 
