@@ -122,7 +122,7 @@ def main(arguments: list[str]) -> None:
     given = parser.parse_args(arguments)
     if given.name:
         publish(given.name, given.note)
-    for run in RESULTS.glob("*/run.json"):
+    for run in sorted(RESULTS.glob("*/run.json")):
         (run.parent / "README.md").write_text(page(run.parent))
     README.write_text(with_results(README.read_text(), readme_part(shown_run())))
 

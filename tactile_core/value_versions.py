@@ -53,7 +53,8 @@ def described(value: Any, seen: set[int]) -> tuple:
         pairs = ((described(key, seen), described(part, seen)) for key, part in value.items())
         return name, *sorted(pairs, key=repr)
     if isinstance(value, set | frozenset):
-        return name, *sorted((described(part, seen) for part in value), key=repr)
+        # Each as if it were met first: a set has no order of its own.
+        return name, *sorted((described(part, set(seen)) for part in value), key=repr)
     if isinstance(value, np.ndarray | np.generic) and value.dtype != object:
         return name, str(value.dtype), value.shape, content_hash(value.tobytes())
     if isinstance(value, functools.partial):
@@ -96,7 +97,7 @@ def code_described(value: Any, seen: set[int]) -> tuple:
     held = [cell.cell_contents for cell in value.__closure__ or ()]
     named = {
         word: value.__globals__[word]
-        for word in names_of(value.__code__)
+        for word in sorted(names_of(value.__code__))
         if word in value.__globals__
     }
     parts = [value.__code__, value.__defaults__, value.__kwdefaults__, held, named]

@@ -155,3 +155,36 @@ def test_what_cannot_be_told_apart_is_refused_in_one_line():
     with pytest.raises(TactileError, match="cannot be told from others of its kind") as refused:
         value_version(lambda: lock)
     assert "\n" not in str(refused.value)
+
+
+DIAMOND = """
+from tactile_core.value_versions import value_version
+def third(x): return x + 7
+def one(x): return third(x) * 2
+def two(x): return third(x) * 3
+def reward(x): return one(x) + two(x)
+print(value_version(reward), value_version({one, two}), value_version({"b": one, "a": two}))
+"""
+
+
+def test_the_order_of_sets_which_changes_from_process_to_process_changes_no_version():
+    """Two functions name a third: whichever is met first must not decide."""
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", DIAMOND],
+            env={**os.environ, "PYTHONHASHSEED": str(seed)},
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for seed in range(6)
+    }  # fmt: skip
+    assert len(said) == 1
+
+
+def test_a_set_of_functions_has_one_version_wherever_they_lie_in_memory():
+    made, versions = [], set()
+    for number in range(40):
+        space = {"__name__": "own"}
+        exec(DIAMOND.partition("def reward")[0], space)
+        made.append((space, bytearray(37 * number)))  # keeps the next ones elsewhere
+        versions.add(value_version({space["one"], space["two"]}))
+    assert len(versions) == 1
