@@ -25,7 +25,8 @@ from tactile_core.errors import TactileError
 COMMENT = re.compile(rb"#(?:(?<!\d\.#)|(?!QNAN|SNAN|IND|INF))[^\n]*")
 CONTINUED = re.compile(rb"^ *[vf](?=[ \\])(?:[^\n]*\\\n)+", flags=re.MULTILINE)
 # Statements that hold geometry of other kinds: free-form surfaces, other files, and old patches.
-UNREAD = ("surf", "call", "fo", "bsp", "bzp", "cdc", "cdp")
+UNREAD = (b"surf", b"call", b"fo", b"bsp", b"bzp", b"cdc", b"cdp")
+UNREAD_BEGIN = [word[0] << 8 | word[1] for word in UNREAD]
 
 
 def read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
@@ -55,6 +56,7 @@ def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray
     letters = _letters(text)
     ends = np.flatnonzero(letters == NEWLINE)
     begins = np.concatenate([[0], ends[:-1] + 1])
+    _check_statements(letters, begins)
     spaced = letters[np.minimum(begins + 1, ends)] <= SPACE  # a letter alone is a line, too
     vertex_lines = spaced & (letters[begins] == ord("v"))
     face_lines = spaced & (letters[begins] == ord("f"))
@@ -93,10 +95,17 @@ def _letters(text: bytes) -> np.ndarray:
     text = b"\n" + text + b"\n"
     if b"\n " in text:
         text = re.sub(rb"\n +", b"\n", text)
-    for word in UNREAD:
-        if f"\n{word} ".encode() in text:
-            raise TactileError(f"has the statement {word!r}, which is not read")
     return np.frombuffer(bytearray(text), dtype=np.uint8)
+
+
+def _check_statements(letters: np.ndarray, begins: np.ndarray) -> None:
+    begin = (
+        letters[begins].astype(np.uint16) << 8 | letters[np.minimum(begins + 1, len(letters) - 1)]
+    )
+    for place in begins[np.isin(begin, UNREAD_BEGIN)]:
+        word = letters[place : place + 5].tobytes().split(b" ")[0]
+        if word in UNREAD:
+            raise TactileError(f"has the statement {word.decode()!r}, which is not read")
 
 
 def _check_last_line(text: bytes) -> None:

@@ -14,7 +14,7 @@ FAR = 0.1  # of the bounding box's diagonal: a stray makes the box longer by mor
 SPECK = 1e-5  # of the diagonal's square
 FEW = 1e-3  # … and this part of all area, for where they are far the body is a speck, too
 FLAT = 1e-12  # twice the area by the square of the longest edge, of a face that is a line
-PORTION = 1 << 18  # faces
+PORTION = 1 << 16  # faces
 
 
 def without_unseen(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -28,58 +28,56 @@ def without_unseen(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     a tenth of its diagonal. Raises `TactileError` where no face has an area.
     """
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    areas = _areas(vertices, faces, diagonal)
-    lows, highs = _spans(vertices, faces)
+    columns = np.ascontiguousarray((vertices / diagonal).T)  # (3, V)
+    areas, lows, highs = _measured(columns, faces)
     seen = areas > 0
     if not seen.any():
         raise TactileError("has no face with an area")
-    low, high = lows[seen].min(axis=0), highs[seen].max(axis=0)
-    if (lows.min(axis=0) < low).any() or (highs.max(axis=0) > high).any():
-        faces, areas, lows, highs = faces[seen], areas[seen], lows[seen], highs[seen]
+    inside = (lows[:, seen].min(axis=1), highs[:, seen].max(axis=1))
+    if (columns.min(axis=1) < inside[0]).any() or (columns.max(axis=1) > inside[1]).any():
+        faces, areas, lows, highs = faces[seen], areas[seen], lows[:, seen], highs[:, seen]
     few = FEW * areas.sum()
-    stays = np.ones(len(faces), dtype=bool)
-    while (
-        stray := _at_one_side(lows[stays], highs[stays], areas[stays], few, diagonal)
-    ) is not None:
-        stays[np.flatnonzero(stays)[stray]] = False
-    return faces if stays.all() else faces[stays]
+    while (stray := _at_one_side(areas, lows, highs, few)) is not None:
+        stay = ~stray
+        faces, areas, lows, highs = faces[stay], areas[stay], lows[:, stay], highs[:, stay]
+    return faces
 
 
 def _at_one_side(
-    lows: np.ndarray, highs: np.ndarray, areas: np.ndarray, few: float, diagonal: float
+    areas: np.ndarray, lows: np.ndarray, highs: np.ndarray, few: float
 ) -> np.ndarray | None:
     """Which faces (F,) are strays at one side of the box of all, or None where none are."""
-    low, high = lows.min(axis=0), highs.max(axis=0)
+    low, high = lows.min(axis=1), highs.max(axis=1)
     length = float(np.linalg.norm(high - low))
-    most = min(few, SPECK * (length / diagonal) ** 2)
+    most = min(few, SPECK * length**2)
     for axis in range(3):
-        for ends, limit in (
-            (-lows[:, axis], -low[axis] - FAR * length),
-            (highs[:, axis], high[axis] - FAR * length),
+        for outside in (
+            lows[axis] < low[axis] + FAR * length,
+            highs[axis] > high[axis] - FAR * length,
         ):
-            outside = ends > limit
             if areas[outside].sum() < most:
                 return outside
     return None
 
 
-def _areas(vertices: np.ndarray, faces: np.ndarray, diagonal: float) -> np.ndarray:
-    """Each face's area (F,) in squares of `diagonal`, 0 where it is flat."""
-    areas = np.empty(len(faces))
+def _measured(columns: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Each face's area (F,), 0 where it is flat, and its lowest and highest coordinates (3, F)."""
+    areas, lows, highs = np.empty(len(faces)), np.empty((3, len(faces))), np.empty((3, len(faces)))
     for start in range(0, len(faces), PORTION):
-        a, b, c = (vertices[corner] / diagonal for corner in faces[start : start + PORTION].T)
-        edges = b - a, c - a, c - b
-        doubled = np.linalg.norm(np.cross(edges[0], edges[1]), axis=1)
-        longest = np.max([(edge**2).sum(axis=1) for edge in edges], axis=0)
-        areas[start : start + PORTION] = np.where(doubled > FLAT * longest, doubled / 2, 0)
-    return areas
+        part = slice(start, start + PORTION)
+        a, b, c = (columns[:, corner] for corner in faces[part].T)  # (3, P) each
+        lows[:, part] = np.minimum(np.minimum(a, b), c)
+        highs[:, part] = np.maximum(np.maximum(a, b), c)
+        u, v, w = b - a, c - a, c - b
+        doubled = np.sqrt(
+            (u[1] * v[2] - u[2] * v[1]) ** 2
+            + (u[2] * v[0] - u[0] * v[2]) ** 2
+            + (u[0] * v[1] - u[1] * v[0]) ** 2
+        )
+        longest = np.maximum(np.maximum(_square(u), _square(v)), _square(w))
+        areas[part] = np.where(doubled > FLAT * longest, doubled / 2, 0)
+    return areas, lows, highs
 
 
-def _spans(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each face's lowest and highest coordinates, (F, 3) both."""
-    lows, highs = np.empty((len(faces), 3)), np.empty((len(faces), 3))
-    for start in range(0, len(faces), PORTION):
-        corners = vertices[faces[start : start + PORTION]]  # (P, 3 corners, 3)
-        lows[start : start + PORTION] = corners.min(axis=1)
-        highs[start : start + PORTION] = corners.max(axis=1)
-    return lows, highs
+def _square(edges: np.ndarray) -> np.ndarray:
+    return edges[0] ** 2 + edges[1] ** 2 + edges[2] ** 2

@@ -14,6 +14,7 @@ from tactile_core.errors import TactileError
 
 SPACE, NEWLINE = ord(" "), ord("\n")
 PORTION = 4 << 20  # bytes
+LONGEST_LINE = 16 << 20  # bytes, or so many lines that are joined
 ROWS = 1 << 18
 BLANKS = bytes.maketrans(b"\t\v\f", b"   ")
 MARKS = {
@@ -45,8 +46,8 @@ def portions(text: bytes) -> Iterator[bytes]:
     while start < len(text):
         found = LINE_END.search(text, start + PORTION)
         end = found.end() if found else len(text)
-        if end - start > 4 * PORTION:
-            raise TactileError(f"has a line of more than {3 * PORTION >> 20} MiB: is it no text?")
+        if end - start > PORTION + LONGEST_LINE:
+            raise TactileError(f"has a line of more than {LONGEST_LINE >> 20} MiB: is it no text?")
         piece = text[start:end].translate(BLANKS)
         if b"\r" in piece:
             piece = piece.replace(b"\r\n", b"\n").replace(b"\r", b"\n")

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -66,6 +66,20 @@ def test_every_way_of_writing_two_triangles_gives_the_same_two(text):
     assert corners(text) == TWO
 
 
+@pytest.mark.parametrize("portion", [1, 7, 20, 64])
+@given(
+    st.permutations([b"", b"# a comment \\\n", b"usemtl \\\n", b"l 1 2 \n", b"\n\n", b"f 1 2\n"])
+)
+@settings(max_examples=20)
+def test_an_obj_is_the_same_whatever_portions_it_is_read_in(portion, between):
+    lines = [*SQUARE.splitlines(keepends=True), b"f 1 \\\n2 \\\n3\n", b"f -4 -2 -1\n"]
+    text = b"".join(a + b for a, b in zip(between, lines, strict=True))
+    for ends in (b"\n", b"\r\n", b"\r"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("tactile_core.dataset.sources.text.PORTION", portion)
+            assert corners(text.replace(b"\n", ends)) == TWO
+
+
 def test_relative_indices_count_from_where_they_stand():
     text = b"v 9 9 9\n" + SQUARE + b"f -4 -3 -2\nf -4 -2 -1\nv 8 8 8\nv 7 7 7\n"
     assert corners(text) == TWO
@@ -117,6 +131,7 @@ def test_what_trimesh_writes_is_read_back_as_trimesh_reads_it(vertices, faces):
         (SQUARE + b"v 0,5 1 2\nf 1 2 3\n", "'0,5': write its comma as a point"),
         (SQUARE + b"f 1 2 99999999999999999999\n", "a vertex that does not exist"),
         (SQUARE + b"f 1 2 -99999999999999999999\n", "a vertex that does not exist"),
+        (SQUARE + b"# " + b"f" * (20 << 20), "a line of more than 16 MiB"),
         (SQUARE + b"f 1 2 3\nsurf 0 1 0 1 1 2 3\n", "the statement 'surf', which is not read"),
         (SQUARE + b"v nan 0 0\nf 1 2 5\n", "not a finite number"),
         (SQUARE + b"v 1.#QNAN 0 0\nf 1 2 5\n", "not a finite number"),
