@@ -37,7 +37,8 @@ TESTS = {
 PLAIN_PYTHON = {"exploration/world/rays", "exploration/world/rewards"}
 LIBRARIES = (
     "numpy", "scipy.ndimage", "pandas", "pyarrow.parquet", "torch", "numba", "skimage.draw",
-    "hypothesis", "pytest", "trimesh", "gymnasium", "stable_baselines3", "upath", "safetensors",
+    "hypothesis", "pytest", "trimesh", "gymnasium", "stable_baselines3", "upath", "pydantic",
+    "safetensors.torch", "ray", "requests",
 )  # fmt: skip
 LONGEST = 60  # seconds, after which a mutant counts as told: it does not end
 # cosmic-ray replaces each operator by every other; one of them is enough to see it tested.

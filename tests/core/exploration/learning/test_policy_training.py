@@ -124,10 +124,8 @@ def test_a_finished_training_leaves_tensorboard_curves_and_no_checkpoint(
     train(approach)
     assert not list((tmp_path / "work").rglob("*.pt"))
     events = EventAccumulator(str(tmp_path / "work" / "policy" / "tensorboard")).Reload()
-    assert {"episode/reward", "episode/jaccard"} <= set(events.Tags()["scalars"]) or {
-        "gain/reward",
-        "gain/jaccard",
-    } <= set(events.Tags()["scalars"])
+    kind = {"diff": "episode", "gain": "gain"}[approach]
+    assert {f"{kind}/reward", f"{kind}/jaccard"} <= set(events.Tags()["scalars"])
 
 
 def test_policies_learn_on_shapes_that_the_unet_does_not_know(shapes, unet, knowing_unet):
