@@ -56,13 +56,27 @@ class PolicyIndex(dg.UPathIOManager):
             file.write(json.dumps(obj, indent=2).encode())
 
     def load_from_path(self, context: dg.InputContext, path: UPath) -> list[UPath]:
+        from tactile_core.exploration.policies.store import describe
+
         try:
             names = json.loads((path / "index.json").read_bytes())
         except (FileNotFoundError, ValueError) as error:
             raise TactileError(f"{path} holds no trained policies: materialise policies") from error
-        if not isinstance(names, dict):
+        if not isinstance(names, dict) or not all(map(is_entry, names.items())):
             raise TactileError(f"{path}/index.json is damaged: materialise policies again")
+        for name, version in names.items():
+            description = describe(path / name)
+            if (description.name, description.version) != (name, version):
+                raise TactileError(
+                    f"{path / name} is of another training than index.json says: materialise "
+                    "policies again"
+                )
         return [path / name for name in names]
+
+
+def is_entry(entry: tuple[str, Any]) -> bool:
+    """Whether a policy's name and version are plain words, and none that leads elsewhere."""
+    return all(isinstance(word, str) and re.fullmatch(r"[\w-]+", word) for word in entry)
 
 
 class Steps(dg.UPathIOManager):

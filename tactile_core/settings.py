@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
 from tactile_core.errors import TactileError
 
@@ -54,11 +55,16 @@ class Settings(BaseModel):
 def problems(error: ValidationError) -> str:
     """What is wrong with settings, on one line that names each field and the value it was given."""
     return "; ".join(
-        f"{'.'.join(map(str, problem['loc']))} = {problem['input']!r}: {problem['msg']}"
+        f"{'.'.join(map(str, problem['loc']))}{given(problem)}: {problem['msg']}"
         if problem["loc"]
         else problem["msg"].removeprefix("Value error, ")  # of several fields, which it names
         for problem in error.errors()
     )
+
+
+def given(problem: ErrorDetails) -> str:
+    """The value that was given; nothing where none was, as pydantic then gives all the others."""
+    return "" if problem["type"] == "missing" else f" = {problem['input']!r:.200}"
 
 
 def once_each(name: str, values: Sequence[Any]) -> None:

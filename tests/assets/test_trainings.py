@@ -1,11 +1,14 @@
 """Each training is a step of its own: tried again where that may help, refused where it cannot."""
 
+import json
+import shutil
 from dataclasses import replace
 
 import dagster as dg
 import pytest
 
 from tactile_assets import exploration
+from tactile_assets.io_managers import PolicyIndex
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import train as core
 from tactile_core.files import read_table
@@ -73,3 +76,28 @@ def test_a_unet_of_another_resolution_stops_before_any_training(chain):
     unet = replace(load_unet(chain.store.path("unet")), resolution=96)
     with pytest.raises(TactileError, match="resolution 64, and the U-Net was trained at 96"):
         planned(chain, unet)
+
+
+@pytest.mark.parametrize(
+    "index",
+    [["total-0"], 5, {"total-0": None}, {"total-0": ["x"]}, {"../x": "1"}, {"total-0": "another"}],
+)
+def test_an_index_with_something_else_in_it_is_told_in_one_line(copy_of_chain, index):
+    (copy_of_chain.store.path("policies") / "index.json").write_text(json.dumps(index))
+    with pytest.raises(TactileError, match="materialise policies again"):
+        loaded(copy_of_chain)
+
+
+def test_a_policy_under_the_name_of_another_is_told(copy_of_chain):
+    folder = copy_of_chain.home / "artifacts" / "policies"
+    index = json.loads((folder / "index.json").read_text())
+    shutil.copytree(folder / "total-0", folder / "total-1")
+    (folder / "index.json").write_text(json.dumps(index | {"total-1": index["total-0"]}))
+    with pytest.raises(TactileError, match="total-1 is of another training"):
+        loaded(copy_of_chain)
+
+
+def loaded(platform):
+    """The policies' directories, as an evaluation is given them."""
+    manager = PolicyIndex(base_path=platform.store.path())
+    return manager.load_from_path(dg.build_input_context(), platform.store.path("policies"))

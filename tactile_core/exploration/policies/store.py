@@ -5,7 +5,6 @@ models) and, last, `settings.json`, which says what the others are. Beside those
 `policy.zip` for users of Stable-Baselines3; it is a pickle, and never read back.
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from typing import Literal
 
@@ -50,6 +49,18 @@ class StoredPolicy(Settings):
     key: str
     version: str
     trained_on: str
+    seal: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of its directory."""
+        return f"{self.approach}-{self.seed}"
+
+    def sealed(self) -> "StoredPolicy":
+        """The same with a hash of all the rest, so that none of it can be another policy's."""
+        return self.model_copy(
+            update={"seal": content_hash(self.model_dump_json(exclude={"seal"}))}
+        )
 
 
 def weights_version(tensors: Mapping[str, Tensor]) -> str:
@@ -70,19 +81,20 @@ def save_policy(
     write_table(curve, directory / CURVE)
     write_table(trained_on, directory / TRAINED_ON)
     with written_whole(directory / DESCRIPTION) as file:
-        file.write(description.model_dump_json(indent=2).encode())
+        file.write(description.sealed().model_dump_json(indent=2).encode())
 
 
 def describe(directory: UPath) -> StoredPolicy:
     """What is stored in `directory`; raises `TactileError` where it is missing or damaged."""
     try:
-        return StoredPolicy(**json.loads((directory / DESCRIPTION).read_bytes()))
+        description = StoredPolicy.model_validate_json((directory / DESCRIPTION).read_bytes())
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
     except ValidationError as error:
         raise damaged(directory, problems(error)) from error
-    except (ValueError, TypeError) as error:
-        raise damaged(directory, str(error)) from error
+    if description.sealed() != description:
+        raise damaged(directory, f"{DESCRIPTION} was altered")
+    return description
 
 
 def read_weights(directory: UPath, description: StoredPolicy) -> dict[str, Tensor]:
@@ -166,11 +178,8 @@ def ppo_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> list[
 
 def sequence_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> list[Policy]:
     rays = tensors[RAYS_OF_SEQUENCE].numpy()
-    if (
-        rays.ndim != 2
-        or rays.shape[1] != 2
-        or rays.max() >= len(circle_pixels(description.resolution))
-    ):
+    pixels = len(circle_pixels(description.resolution))
+    if rays.ndim != 2 or rays.shape[1] != 2 or not 0 <= rays.min() <= rays.max() < pixels:
         raise KeyError("these are not rays of this resolution")
     return [SequencePolicy(description.approach, description.seed, rays)]
 

@@ -381,19 +381,33 @@ def test_a_policy_of_another_unet_is_refused(train, tmp_path):
         load_policies([UPath(tmp_path) / "policy"], "another", 64)
 
 
-@pytest.mark.parametrize("field", ["approach", "learner", "seed", "settings", "unet", "version"])
 @pytest.mark.parametrize("value", [None, [1], {"a": 1}])
-def test_a_description_with_something_else_in_it_is_told_in_one_line(
-    train, unet, tmp_path, field, value
-):
+def test_a_description_with_something_else_in_it_is_told_in_one_line(train, unet, tmp_path, value):
+    train("diff")
     directory = UPath(tmp_path) / "policy"
-    directory.mkdir()
-    text = {"approach": "diff", "learner": "ppo", "seed": 0, "settings": {}, "resolution": 64,
-            "unet": "", "key": "", "version": "", "trained_on": "", field: value}  # fmt: skip
-    (directory / "settings.json").write_text(json.dumps(text))
-    with pytest.raises(TactileError, match="materialise policies again") as refused:
+    whole = json.loads((directory / "settings.json").read_bytes())
+    for field in whole:
+        for text in (
+            {**whole, field: value},
+            {name: whole[name] for name in whole if name != field},
+        ):
+            (directory / "settings.json").write_text(json.dumps(text))
+            with pytest.raises(TactileError, match="materialise policies again") as refused:
+                load_policies([directory], unet.version(), 64)
+            assert "\n" not in str(refused.value) and len(str(refused.value)) < 500
+
+
+@pytest.mark.parametrize(
+    "altered",
+    [{"approach": "gain"}, {"seed": 1}, {"settings": QUICK.model_dump() | {"discount": 0.5}}],
+)
+def test_a_description_that_was_altered_is_found(train, unet, tmp_path, altered):
+    train("diff")
+    directory = UPath(tmp_path) / "policy"
+    whole = json.loads((directory / "settings.json").read_bytes())
+    (directory / "settings.json").write_text(json.dumps(whole | altered))
+    with pytest.raises(TactileError, match=r"settings\.json was altered"):
         load_policies([directory], unet.version(), 64)
-    assert "\n" not in str(refused.value)
 
 
 def test_the_second_stage_meets_other_masks_than_the_first(train, monkeypatch):
