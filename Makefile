@@ -28,7 +28,7 @@ $(STAMP):
 test: install ## Install what is missing and run the tests, in random order on all cores
 	@$(ACTIVATE) && pytest -n auto --maxprocesses 8 --dist loadscope
 
-mutants: install ## See whether the tests tell small changes of the code (an hour); docs/mutation.md
+mutants: install ## See whether the tests tell small changes of the code (hours); docs/mutation.md
 	@$(ACTIVATE) && python -m tests.mutants
 
 ui: install ## Dagster's web interface on http://localhost:3000
