@@ -6,11 +6,13 @@ shapenet_meshes → masks → rotated_splits → outlines → tactile_samples
                                └───────────────┴─────────────────────┤
                                                                  policies
                                                                      │
+                                                                 rollouts
+                                                                     │
                                              per_step_evaluation, per_grasp_evaluation
 
 Where the profile practises, practice_rays stand between unet_search and unet, which reads them.
 Where TACTILE_REAL names real meshes, both evaluations are made on those as well: real_shapes,
-real_per_step_evaluation, real_per_grasp_evaluation.
+real_rollouts, real_per_step_evaluation, real_per_grasp_evaluation.
 """
 
 import dagster as dg
@@ -53,6 +55,7 @@ defs = dg.Definitions(
         reconstruction.unet,
         reconstruction.reconstruction_evaluation,
         exploration.policies,
+        evaluation.rollouts,
         evaluation.per_step_evaluation,
         evaluation.per_grasp_evaluation,
         *(real.ASSETS if PROFILE.real else []),

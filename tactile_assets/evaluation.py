@@ -14,11 +14,16 @@ from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import markdown, stored, wing
 from tactile_assets.provenance import made_with
 from tactile_assets.resources import Store
-from tactile_core.settings import EvaluationSettings
+from tactile_core.settings import EvaluationSettings, RolloutSettings
 
 if TYPE_CHECKING:
     from tactile_core.dataset.shapes import Shapes
-    from tactile_core.evaluation.rollout import Rollout
+    from tactile_core.evaluation.replay import Rollout
+
+
+@defaults(PROFILE.rollouts)
+class RolloutConfig(StageConfig, RolloutSettings):
+    """Rays of every policy on every test sample."""
 
 
 @defaults(PROFILE.per_step)
@@ -31,53 +36,65 @@ class PerGraspConfig(StageConfig, EvaluationSettings):
     """Rays of each policy on every test sample until ten touches are held."""
 
 
-EVALUATION: dict[str, Any] = {
-    "kinds": {"pytorch", "matplotlib", "parquet"},
-    **wing("evaluation"),
-}
 # What helps where a test model was trained on: in the test split, and among real meshes.
 REMEDY = {
     False: "the splits have been dealt anew since, materialise unet and policies again",
     True: "TACTILE_REAL must name other meshes than those of the data set",
 }
-TRAINED = ("unet", "policies")  # an evaluation is made anew where one of these is new
-CODE = "evaluation.protocols", "evaluation.unseen", "exploration.policies.store"
-PER_STEP = code_version(*CODE, PROFILE.per_step)
-PER_GRASP = code_version(*CODE, PROFILE.per_grasp)
+TRAINED = ("unet", "policies")  # rollouts are cast anew where one of these is new
+CODE = (
+    "evaluation.rollouts", "evaluation.replay", "evaluation.unseen", "exploration.policies.store",
+    "reconstruction.inference",
+)  # fmt: skip
+READING: dict[str, Any] = {"kinds": {"matplotlib", "parquet"}, **wing("evaluation")}
+PER_STEP = code_version("evaluation.readings", PROFILE.per_step)
+PER_GRASP = code_version("evaluation.readings", PROFILE.per_grasp)
 
 
-@dg.asset(code_version=PER_STEP, automation_condition=after(*TRAINED), **EVALUATION)
-def per_step_evaluation(
+@dg.asset(
+    kinds={"pytorch", "openvino", "parquet"},
+    code_version=code_version(*CODE, PROFILE.rollouts),
+    automation_condition=after(*TRAINED),
+    **wing("evaluation"),
+)
+def rollouts(
     context: dg.AssetExecutionContext,
-    config: PerStepConfig,
+    config: RolloutConfig,
     store: Store,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
     unet: TrainedUNet,
     policies: list[UPath],
 ) -> dg.MaterializeResult:
-    """Ten rays of every policy on every test sample: the Jaccard index after each (Figure 4).
+    """Every ray of every policy on every test sample: until ten are cast and ten touches held.
 
     Reference policies stand beside the trained ones: `random`, as in the report; `even`, a fixed
     sweep; `coverage` and `uncertainty`, which look at the reconstruction; and `oracle`, which
-    knows the shape and takes the best ray there is. `recall` tries the best rays of `gain` on
-    train shapes that agree with what was felt.
+    knows the shape and takes, of 396 rays, the one that gains most. `recall` tries the best rays of
+    `gain` on train shapes that agree with what was felt. Both evaluations read this table. What a
+    policy cast before is kept as long as it, the U-Net, the shapes and the settings are the same.
     """
     from tactile_core.dataset.shapes import load_shapes
 
     test = load_shapes(rotated_splits, outlines, "test")
-    return per_step(test, unet, policies, config, store, context.log.info)
+    return cast_all(test, unet, policies, config, store, context.log.info)
 
 
-@dg.asset(code_version=PER_GRASP, automation_condition=after(*TRAINED), **EVALUATION)
+@dg.asset(code_version=PER_STEP, automation_condition=after("rollouts"), **READING)
+def per_step_evaluation(
+    config: PerStepConfig, store: Store, rollouts: pd.DataFrame
+) -> dg.MaterializeResult:
+    """Ten rays of every policy on every test sample: the Jaccard index after each (Figure 4).
+
+    Policies that have a distribution of rays draw theirs from it, or take the likeliest, as
+    `choice` says. With intervals over models, and every policy beside the best fixed rule.
+    """
+    return per_step(rollouts, config, store)
+
+
+@dg.asset(code_version=PER_GRASP, automation_condition=after("rollouts"), **READING)
 def per_grasp_evaluation(
-    context: dg.AssetExecutionContext,
-    config: PerGraspConfig,
-    store: Store,
-    rotated_splits: pd.DataFrame,
-    outlines: pd.DataFrame,
-    unet: TrainedUNet,
-    policies: list[UPath],
+    config: PerGraspConfig, store: Store, rollouts: pd.DataFrame
 ) -> dg.MaterializeResult:
     """Rays of every policy until ten touches are held: the Jaccard index at each (Figure 5).
 
@@ -85,62 +102,59 @@ def per_grasp_evaluation(
     it took is in the table too. Where the ray limit was reached first, a touch that was never
     made is a row without a Jaccard index.
     """
-    from tactile_core.dataset.shapes import load_shapes
-
-    test = load_shapes(rotated_splits, outlines, "test")
-    return per_grasp(test, unet, policies, config, store, context.log.info)
+    return per_grasp(rollouts, config, store)
 
 
-def per_step(
+def cast_all(
     test: "Shapes",
     unet: TrainedUNet,
     policies: list[UPath],
-    config: PerStepConfig,
+    config: RolloutConfig,
     store: Store,
     progress: Callable[[str], None],
     prefix: str = "",
 ) -> dg.MaterializeResult:
-    """Figure 4's table on any shapes, with its figures under names that begin with `prefix`."""
-    from tactile_core.evaluation.protocols import evaluate_per_step
+    """The rollouts on any shapes, as the asset `rollouts` with `prefix` before its name and before
+    the names of its pictures."""
+    from tactile_core.evaluation.rollouts import cast_rollouts
     from tactile_core.evaluation.unseen import refuse_known
     from tactile_core.exploration.policies.store import load_policies
     from tactile_core.figures.animation import rollout_gif
     from tactile_core.figures.rollouts import runs_figure, steps_figure
     from tactile_core.figures.style import png
-    from tactile_core.reconstruction.inference import Reconstructor
 
     refuse_known(test, seen_by(unet, policies), by_name=not prefix, remedy=REMEDY[bool(prefix)])
     trained = load_policies(policies, unet.version(), unet.resolution)
-    reconstructor = Reconstructor(unet)
-    table = evaluate_per_step(trained, test, reconstructor, config, progress)
-    runs = example_runs(table, trained, test, reconstructor, config)
+    previous = store.previous(f"{prefix}rollouts")
+    table = cast_rollouts(trained, test, unet, config, previous, progress)
+    runs = example_runs(table, [(one.name, one.seed) for one in trained], test, unet, config)
     return stored(
         table,
-        **curve(table, "step", config, store, prefix),
+        rays=len(table),
+        samples=table["sample_id"].nunique(),
         one_run=store.picture(f"{prefix}figure_2.png", png(steps_figure(runs[-1]))),
         runs=store.picture(f"{prefix}figure_3.png", png(runs_figure(runs), width_px=540)),
         animation=store.picture(f"{prefix}run.gif", rollout_gif(runs[-1])),
     )
 
 
-def per_grasp(
-    test: "Shapes",
-    unet: TrainedUNet,
-    policies: list[UPath],
-    config: PerGraspConfig,
-    store: Store,
-    progress: Callable[[str], None],
-    prefix: str = "",
+def per_step(
+    rollouts: pd.DataFrame, config: PerStepConfig, store: Store, prefix: str = ""
 ) -> dg.MaterializeResult:
-    """Figure 5's table on any shapes, with its figure under a name that begins with `prefix`."""
-    from tactile_core.evaluation.protocols import evaluate_per_grasp
-    from tactile_core.evaluation.unseen import refuse_known
-    from tactile_core.exploration.policies.store import load_policies
-    from tactile_core.reconstruction.inference import Reconstructor
+    """Figure 4's table of any rollouts, with its figure under a name that begins with `prefix`."""
+    from tactile_core.evaluation.readings import per_step_reading
 
-    refuse_known(test, seen_by(unet, policies), by_name=not prefix, remedy=REMEDY[bool(prefix)])
-    trained = load_policies(policies, unet.version(), unet.resolution)
-    table = evaluate_per_grasp(trained, test, Reconstructor(unet), config, progress)
+    table = per_step_reading(rollouts, config)
+    return stored(table, **curve(table, "step", config, store, prefix))
+
+
+def per_grasp(
+    rollouts: pd.DataFrame, config: PerGraspConfig, store: Store, prefix: str = ""
+) -> dg.MaterializeResult:
+    """Figure 5's table of any rollouts, with its figure under a name that begins with `prefix`."""
+    from tactile_core.evaluation.readings import per_grasp_reading
+
+    table = per_grasp_reading(rollouts, config)
     return stored(table, **curve(table, "grasp", config, store, prefix))
 
 
@@ -172,29 +186,34 @@ def curve(
 
 def example_runs(
     table: pd.DataFrame,
-    trained: list[Any],
-    test: Any,
-    reconstructor: Any,
-    settings: EvaluationSettings,
+    trained: list[tuple[str, int]],
+    test: "Shapes",
+    unet: TrainedUNet,
+    settings: RolloutSettings,
 ) -> "list[Rollout]":
-    """For each category two rollouts on one shape: by `random`, and by the best trained policy.
+    """For each category two rollouts on one shape: by `random`, if it is among the references, and
+    by the best of the trained policies (name, seed), or of all where there are none.
 
-    The shape is the one on which the policy's final Jaccard index is the median.
+    The shape is the one on which that policy's Jaccard index after `settings.count` rays is the
+    median. Of a policy that draws its rays the last of `settings.choices` is shown.
     """
-    from tactile_core.evaluation.protocols import record_rollout
-    from tactile_core.exploration.policies.references import find_reference
+    from tactile_core.evaluation.replay import replayed
+    from tactile_core.reconstruction.inference import Reconstructor
 
-    last = table[table["step"] == table["step"].max()]
-    means = [
-        last.loc[(last["policy"] == policy.name) & (last["seed"] == policy.seed), "jaccard"].mean()
-        for policy in trained
-    ]
-    best = trained[means.index(max(means))]
-    own = last[(last["policy"] == best.name) & (last["seed"] == best.seed)]
+    shown = table[
+        (table["ray"] <= settings.count) & table["choice"].isin(["rule", settings.choices[-1]])
+    ].set_index(["policy", "seed"])
+    last = shown[shown["ray"] == settings.count]
+    means = last.groupby(level=["policy", "seed"])["jaccard"].mean()
+    best = means.loc[trained or means.index].idxmax()
+    reconstructor = Reconstructor(unet)
     runs = []
-    for _, rows in own.groupby("category", sort=True):
+    for _, rows in last.loc[[best]].groupby("category", sort=True):
         median = rows.sort_values("jaccard", kind="stable")["sample_id"].iloc[len(rows) // 2]
         index = list(test.sample_ids).index(median)
-        for policy in (find_reference("random"), best):
-            runs.append(record_rollout(policy, test, index, reconstructor, settings))
+        on_it = shown[shown["sample_id"] == median].reset_index()
+        for name, seed in [("random", 0), best]:
+            rays = on_it[(on_it["policy"] == name) & (on_it["seed"] == seed)]
+            if len(rays):
+                runs.append(replayed(rays, test, index, reconstructor))
     return runs

@@ -13,10 +13,14 @@ from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.dataset import decoded
 from tactile_assets.evaluation import (
     CODE,
-    EVALUATION,
+    PER_GRASP,
+    PER_STEP,
+    READING,
     TRAINED,
     PerGraspConfig,
     PerStepConfig,
+    RolloutConfig,
+    cast_all,
     per_grasp,
     per_step,
 )
@@ -31,10 +35,7 @@ if TYPE_CHECKING:
 
 MESHES = PROFILE.meshes.model_copy(update={"location": PROFILE.real})
 PREFIX = "real_"  # of the figures: those of the test split stay
-AFTER = after(*TRAINED, "real_shapes")
-# Real samples have no asset of their outlines: the evaluations trace them.
-PER_STEP = code_version(*CODE, "dataset.outlines", PROFILE.per_step)
-PER_GRASP = code_version(*CODE, "dataset.outlines", PROFILE.per_grasp)
+AFTER = after("real_rollouts")
 
 
 @defaults(MESHES)
@@ -78,40 +79,52 @@ def real_shapes(
     )
 
 
-@dg.asset(code_version=PER_STEP, automation_condition=AFTER, **EVALUATION)
-def real_per_step_evaluation(
+@dg.asset(
+    kinds={"pytorch", "openvino", "parquet"},
+    # Real samples have no asset of their outlines: they are traced here.
+    code_version=code_version(*CODE, "dataset.outlines", PROFILE.rollouts),
+    automation_condition=after(*TRAINED, "real_shapes"),
+    **wing("evaluation"),
+)
+def real_rollouts(
     context: dg.AssetExecutionContext,
-    config: PerStepConfig,
+    config: RolloutConfig,
     store: Store,
     real_shapes: pd.DataFrame,
     unet: TrainedUNet,
     policies: list[UPath],
+) -> dg.MaterializeResult:
+    """Every ray of every policy on every real sample, as `rollouts` has them of the test split.
+
+    The policies, the U-Net and the table are those of `rollouts`; only the shapes are others, so
+    the two side by side tell how well the training generalises.
+    """
+    test = shapes_for(unet, real_shapes)
+    return cast_all(test, unet, policies, config, store, context.log.info, PREFIX)
+
+
+@dg.asset(code_version=PER_STEP, automation_condition=AFTER, **READING)
+def real_per_step_evaluation(
+    config: PerStepConfig, store: Store, real_rollouts: pd.DataFrame
 ) -> dg.MaterializeResult:
     """Ten rays of every policy on every real sample: the Jaccard index after each.
 
-    The policies, the U-Net and the table are those of `per_step_evaluation`; only the shapes
-    are others, so the two tables side by side tell how well the training generalises.
+    What `per_step_evaluation` reads from the rollouts on the test split, read from those on real
+    samples.
     """
-    test = shapes_for(unet, real_shapes)
-    return per_step(test, unet, policies, config, store, context.log.info, PREFIX)
+    return per_step(real_rollouts, config, store, PREFIX)
 
 
-@dg.asset(code_version=PER_GRASP, automation_condition=AFTER, **EVALUATION)
+@dg.asset(code_version=PER_GRASP, automation_condition=AFTER, **READING)
 def real_per_grasp_evaluation(
-    context: dg.AssetExecutionContext,
-    config: PerGraspConfig,
-    store: Store,
-    real_shapes: pd.DataFrame,
-    unet: TrainedUNet,
-    policies: list[UPath],
+    config: PerGraspConfig, store: Store, real_rollouts: pd.DataFrame
 ) -> dg.MaterializeResult:
     """Rays of every policy on real samples until ten touches are held: the Jaccard index at each.
 
-    The policies, the U-Net and the table are those of `per_grasp_evaluation`; only the shapes
-    are others, so the two tables side by side tell how well the training generalises.
+    What `per_grasp_evaluation` reads from the rollouts on the test split, read from those on real
+    samples.
     """
-    test = shapes_for(unet, real_shapes)
-    return per_grasp(test, unet, policies, config, store, context.log.info, PREFIX)
+    return per_grasp(real_rollouts, config, store, PREFIX)
 
 
 @dg.asset_check(asset=real_shapes, blocking=True)
@@ -120,7 +133,7 @@ def real_samples_lie_inside_the_circle(real_shapes: pd.DataFrame) -> dg.AssetChe
     return inside_the_circle(real_shapes.assign(name=real_shapes["sample_id"]))
 
 
-ASSETS = [real_shapes, real_per_step_evaluation, real_per_grasp_evaluation]
+ASSETS = [real_shapes, real_rollouts, real_per_step_evaluation, real_per_grasp_evaluation]
 CHECKS = [real_samples_lie_inside_the_circle]
 
 

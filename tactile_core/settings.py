@@ -8,7 +8,7 @@ in the UI. `active_profile` reads `TACTILE_PROFILE` (smoke, laptop, study, repor
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
@@ -37,6 +37,8 @@ Touches = Literal["stored", "outline", "rays"]
 
 MOST_HELD_OUT = 0.8  # of all models, for eval and test
 
+Choice = Literal["likeliest", "drawn"]
+CHOICES: tuple[str, ...] = get_args(Choice)
 Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Rate = Annotated[float, Field(gt=0, le=1)]
 # A batch of one cannot be normalised at the U-Net's deepest level, where one pixel may be left.
@@ -293,23 +295,23 @@ class PolicySettings(GainSettings):
         return self
 
 
-class EvaluationSettings(Settings):
-    """Roll-outs over the test split (report, section VII)."""
+class RolloutSettings(Settings):
+    """Rays of every policy over the test split (report, section VII)."""
 
     references: list[str] = Field(
         list(REFERENCES),
         description="Reference policies to stand beside the trained ones, if any: "
         f"{', '.join(REFERENCES)}.",
     )
-    deterministic: bool = Field(
-        True, description="Trained policies take their most likely ray; else they draw one."
+    choices: list[str] = Field(
+        list(CHOICES),
+        min_length=1,
+        description="Which rays are cast by policies that have a distribution of rays: their "
+        "likeliest, ones drawn from it, or both in turn.",
     )
-    count: int = Field(10, ge=1, le=1000, description="Rays (per step) or touches (per grasp).")
+    count: int = Field(10, ge=1, le=1000, description="Rays to cast and touches to hold.")
     ray_limit: int = Field(
-        100, ge=1, le=10_000, description="Most rays per rollout (per grasp); `count` at least."
-    )
-    resamples: int = Field(
-        2000, ge=10, le=1_000_000, description="Bootstrap resamples for 95 % intervals."
+        100, ge=1, le=10_000, description="Most rays per rollout; `count` at least."
     )
     seed: int = SEED
 
@@ -321,12 +323,29 @@ class EvaluationSettings(Settings):
                 "as many rays at least"
             )
         once_each("references", self.references)
+        once_each("choices", self.choices)
         for name in self.references:
             if name not in REFERENCES:
                 raise ValueError(
                     f"reference policy {name!r} is unknown: choose from {', '.join(REFERENCES)}"
                 )
+        for choice in self.choices:
+            if choice not in CHOICES:
+                raise ValueError(f"choice {choice!r} is unknown: choose from {', '.join(CHOICES)}")
         return self
+
+
+class EvaluationSettings(Settings):
+    """What an evaluation reads from the rollouts (report, section VII)."""
+
+    choice: Choice = Field(
+        "drawn", description="Which of `choices` of the rollouts counts where there are both."
+    )
+    count: int = Field(10, ge=1, le=1000, description="Rays (per step) or touches (per grasp).")
+    resamples: int = Field(
+        2000, ge=10, le=1_000_000, description="Bootstrap resamples for 95 % intervals."
+    )
+    seed: int = SEED
 
 
 class Profile(Settings):
@@ -346,8 +365,9 @@ class Profile(Settings):
     )
     unet: UNetSettings = UNetSettings()
     policies: PolicySettings = PolicySettings()
-    per_step: EvaluationSettings = EvaluationSettings()
-    per_grasp: EvaluationSettings = EvaluationSettings(deterministic=False)
+    rollouts: RolloutSettings = RolloutSettings()
+    per_step: EvaluationSettings = EvaluationSettings(choice="likeliest")
+    per_grasp: EvaluationSettings = EvaluationSettings()
 
 
 # Four short epochs favour nets that learn fast and end poor: none of those is offered.
@@ -377,15 +397,17 @@ PROFILES = {
         policies=PolicySettings(
             steps_per_stage=512, environments=16, gain_iterations=20, gain_tries=4
         ),
-        per_step=EvaluationSettings(resamples=200, deterministic=False),
-        per_grasp=EvaluationSettings(resamples=200, deterministic=False, ray_limit=60),
+        rollouts=RolloutSettings(choices=["drawn"], ray_limit=60),
+        per_step=EvaluationSettings(resamples=200),
+        per_grasp=EvaluationSettings(resamples=200),
     ),
     "laptop": Profile(
         name="laptop",
         search=LAPTOP_SEARCH,
         # After a tenth of the report's training a policy has a good distribution of rays, but
         # its single most likely ray hardly depends on what was felt.
-        per_step=EvaluationSettings(deterministic=False),
+        rollouts=RolloutSettings(choices=["drawn"]),
+        per_step=EvaluationSettings(),
     ),
     # The laptop's data and nets, with all that was found to help, and three seeds of each policy.
     "study": Profile(
@@ -394,7 +416,8 @@ PROFILES = {
         practice=PracticeSettings(epochs=30, patience=20, free_space=True),
         unet=UNetSettings(epochs=60, patience=20, free_space=True, known_shapes=True),
         policies=PolicySettings(seeds=[0, 1, 2]),
-        per_step=EvaluationSettings(deterministic=False),
+        rollouts=RolloutSettings(choices=["drawn"]),
+        per_step=EvaluationSettings(),
     ),
     # Every value the report's own wherever two cores can bear it; docs/report.md has the rest.
     "report": Profile(

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image, ImageDraw, ImageFont
 from skimage.measure import find_contours
 
-from tactile_core.evaluation.rollout import Rollout
+from tactile_core.evaluation.replay import Rollout
 from tactile_core.figures.style import NIGHT, PINK, YELLOW, glow
 
 SIDE = 320  # of the scene, in pixels

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from tactile_core.evaluation.rollout import Rollout
+from tactile_core.evaluation.replay import Rollout
 from tactile_core.figures.style import FAINT, INK, MUTED, PINK, RAY, SHAPE, YELLOW, glow, picture
 from tactile_core.reconstruction.jaccard import THRESHOLD
 

@@ -23,8 +23,9 @@ TINY = {
     "unet_search": {"trials": 1, "epochs": 1},
     "unet": {"epochs": 2},
     "policies": {"approaches": ["total", "gain"], "steps_per_stage": 256, "gain_iterations": 3},
-    "per_step_evaluation": {"references": ["random", "even", "oracle"], "resamples": 20},
-    "per_grasp_evaluation": {"references": ["random", "oracle"], "resamples": 20},
+    "rollouts": {"references": ["random", "even", "oracle"]},
+    "per_step_evaluation": {"resamples": 20},
+    "per_grasp_evaluation": {"resamples": 20},
 }
 ALL = in_order(defs)
 

@@ -8,7 +8,9 @@ from tactile_assets.definitions import defs
 from tactile_core.errors import TactileError
 from tests.assets.running import Platform, shell
 
-EVALUATIONS = {"reconstruction_evaluation", "per_step_evaluation", "per_grasp_evaluation"}
+EVALUATIONS = {
+    "reconstruction_evaluation", "rollouts", "per_step_evaluation", "per_grasp_evaluation"
+}  # fmt: skip
 
 
 def test_the_schedule_asks_for_the_whole_chain_once_a_week_and_is_off(platform):
@@ -19,7 +21,7 @@ def test_the_schedule_asks_for_the_whole_chain_once_a_week_and_is_off(platform):
         tick = schedule.evaluate_tick(context)
     assert len(tick.run_requests) == 1
     assert schedule.job_name == "whole_chain"
-    assert len(defs.resolve_job_def("whole_chain").asset_layer.executable_asset_keys) == 11
+    assert len(defs.resolve_job_def("whole_chain").asset_layer.executable_asset_keys) == 12
 
 
 def test_the_environment_sets_when_the_schedule_runs(tmp_path):
@@ -104,8 +106,8 @@ def test_evaluations_follow_new_policies_and_a_new_unet(platform):
     assert quiet == set()
     report(platform, "policies")
     after_policies, cursor = requested(platform, cursor)
-    assert after_policies == {"per_step_evaluation", "per_grasp_evaluation"}
-    report(platform, "per_step_evaluation", "per_grasp_evaluation")
+    assert after_policies == EVALUATIONS - {"reconstruction_evaluation"}
+    report(platform, "rollouts", "per_step_evaluation", "per_grasp_evaluation")
     quiet, cursor = requested(platform, cursor)
     assert quiet == set()
     report(platform, "unet")

@@ -56,7 +56,7 @@ def test_each_data_version_is_a_hash_of_what_is_stored(chain):
 
 def test_nets_learn_on_train_stop_on_eval_and_are_tested_on_test(copy_of_chain, monkeypatch):
     """What each function of the core is given, told by the samples' own splits."""
-    from tactile_core.evaluation import protocols
+    from tactile_core.evaluation import rollouts
     from tactile_core.exploration.learning import train as policy_training
     from tactile_core.reconstruction import search, training
 
@@ -77,17 +77,15 @@ def test_nets_learn_on_train_stop_on_eval_and_are_tested_on_test(copy_of_chain, 
     watched(search, "search_unet")
     watched(training, "train_unet")
     watched(policy_training, "train_policy")
-    watched(protocols, "evaluate_per_step")
-    watched(protocols, "evaluate_per_grasp")
+    watched(rollouts, "cast_rollouts")
     copy_of_chain.materialise(
-        "unet_search", "unet", "policies", "per_step_evaluation", "per_grasp_evaluation"
+        "unet_search", "unet", "policies", "rollouts", "per_step_evaluation", "per_grasp_evaluation"
     )
     assert given == {
         "search_unet": [{"train"}, {"eval"}],
         "train_unet": [{"train"}, {"eval"}],
         "train_policy": [{"train"}],
-        "evaluate_per_step": [{"test"}],
-        "evaluate_per_grasp": [{"test"}],
+        "cast_rollouts": [{"test"}],
     }
     for evaluation in ("per_step_evaluation", "per_grasp_evaluation"):
         table = read_table(copy_of_chain.store.path(f"{evaluation}.parquet"))
@@ -108,6 +106,7 @@ def test_metadata_tells_each_assets_story(chain):
         "unet": "learning_curve",
         "reconstruction_evaluation": "examples",
         "policies": "training_curves",
+        "rollouts": "runs",
         "per_step_evaluation": "curves",
         "per_grasp_evaluation": "curves",
     }
@@ -117,7 +116,7 @@ def test_metadata_tells_each_assets_story(chain):
         assert len(text) < 300_000, asset
     assert metadata(chain, "shapenet_meshes")["meshes"].value == 12
     assert "oracle" in metadata(chain, "per_step_evaluation")["jaccard"].value
-    assert "data:image/gif" in metadata(chain, "per_step_evaluation")["animation"].value
+    assert "data:image/gif" in metadata(chain, "rollouts")["animation"].value
 
 
 def test_figures_lie_in_the_store(chain):

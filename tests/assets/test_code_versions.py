@@ -16,7 +16,6 @@ from tactile_assets.paths import REPOSITORY
 
 SPECS = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_specs()}
 UNET = "reconstruction.training", "exploration.practice.ray_touches"
-EVALUATIONS = {"per_step_evaluation", "per_grasp_evaluation"}
 BELOW_RENDERING = {"masks", "rotated_splits"}
 # A module of the core, and the assets whose content its code decides.
 DECIDES = {
@@ -25,7 +24,8 @@ DECIDES = {
     "exploration.world.rewards": {"policies"},
     "exploration.learning.approaches": {"policies"},
     "reconstruction.search": {"unet_search"},
-    "exploration.policies.recall": {"policies", *EVALUATIONS},
+    "exploration.policies.recall": {"policies", "rollouts"},
+    "evaluation.readings": {"per_step_evaluation", "per_grasp_evaluation"},
     "figures.curves": set(),
 }
 WITH_ANOTHER = """

@@ -27,13 +27,14 @@ IN_ORDER = [
     "unet",
     "reconstruction_evaluation",
     "policies",
+    "rollouts",
     "per_step_evaluation",
     "per_grasp_evaluation",
 ]
 SPECS = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_specs()}
 
 
-def test_the_eleven_assets_have_the_keys_and_the_order_of_the_design():
+def test_the_twelve_assets_have_the_keys_and_the_order_of_the_design():
     assert sorted(SPECS) == sorted(IN_ORDER)
     for position, asset in enumerate(IN_ORDER):
         upstream = {dep.asset_key.to_user_string() for dep in SPECS[asset].deps}

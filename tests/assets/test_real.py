@@ -18,7 +18,7 @@ from tactile_core.reconstruction.trained import load_unet
 from tactile_core.settings import MeshSettings
 from tests.assets.running import Platform, run_for, shell
 
-NAMES = ["real_shapes", "real_per_step_evaluation", "real_per_grasp_evaluation"]
+NAMES = ["real_shapes", "real_rollouts", "real_per_step_evaluation", "real_per_grasp_evaluation"]
 EVALUATIONS = {"real_per_step": "per_step", "real_per_grasp": "per_grasp"}
 
 
@@ -41,7 +41,7 @@ def evaluated(chain, scans, tmp_path_factory) -> Iterator[Platform]:
     home = shutil.copytree(chain.home, tmp_path_factory.mktemp("real") / "home")
     fields = {
         f"real_{evaluation}": run_for((evaluation,))["ops"][evaluation]
-        for evaluation in ("per_step_evaluation", "per_grasp_evaluation")
+        for evaluation in ("rollouts", "per_step_evaluation", "per_grasp_evaluation")
     }
     with (
         dg.DagsterInstance.from_config(str(home / "dagster")) as instance,

@@ -47,6 +47,7 @@ def test_another_unet_makes_what_lies_downstream_stale(chain, tmp_path):
         assert stale(copy, defs) == {
             "policies",
             "reconstruction_evaluation",
+            "rollouts",
             "per_step_evaluation",
             "per_grasp_evaluation",
         }

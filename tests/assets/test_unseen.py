@@ -17,7 +17,7 @@ def reasons(result: dg.ExecuteInProcessResult) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("asset", ["per_step_evaluation", "reconstruction_evaluation"])
+@pytest.mark.parametrize("asset", ["rollouts", "reconstruction_evaluation"])
 def test_splits_dealt_anew_are_not_evaluated_by_old_nets(copy_of_chain, asset):
     dealt = ("rotated_splits", "outlines", "tactile_samples")
     anew = run_for(dealt, rotated_splits={"seed": 5})

@@ -16,6 +16,7 @@ from tactile_core.settings import (
     MaskSettings,
     MeshSettings,
     PolicySettings,
+    RolloutSettings,
     SearchSettings,
     SplitSettings,
     TouchSettings,
@@ -29,8 +30,17 @@ from tactile_core.settings import (
 def test_every_profile_names_approaches_and_references_that_exist(profile):
     names = profile.policies.approaches or list(APPROACHES)
     assert [find_approach(name).name for name in names] == names
+    assert [find_reference(name).name for name in profile.rollouts.references]
+
+
+@pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
+def test_every_profile_casts_what_its_evaluations_read(profile):
     for evaluation in (profile.per_step, profile.per_grasp):
-        assert [find_reference(name).name for name in evaluation.references]
+        assert evaluation.choice in profile.rollouts.choices
+        assert evaluation.count <= profile.rollouts.count
+    assert {one.choice for one in (profile.per_step, profile.per_grasp)} == set(
+        profile.rollouts.choices
+    )
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
@@ -98,10 +108,17 @@ def test_a_misspelt_setting_is_refused():
         (PolicySettings, {"approaches": ["diff", "diff"]}, "approaches names 'diff' twice"),
         (PolicySettings, {"batch_size": 1024}, "batch_size (1024) does not divide the 512 rays"),
         (PolicySettings, {"environments": 10}, "batch_size (256) does not divide the 160 rays"),
-        (EvaluationSettings, {"ray_limit": 9}, "count (10) exceeds ray_limit (9)"),
-        (EvaluationSettings, {"ray_limit": 10**19}, "ray_limit = 10000000000000000000"),
-        (EvaluationSettings, {"references": ["even", "even"]}, "references names 'even' twice"),
-        (EvaluationSettings, {"references": ["evn"]}, "'evn' is unknown: choose from random, even"),
+        (RolloutSettings, {"ray_limit": 9}, "count (10) exceeds ray_limit (9)"),
+        (RolloutSettings, {"ray_limit": 10**19}, "ray_limit = 10000000000000000000"),
+        (RolloutSettings, {"references": ["even", "even"]}, "references names 'even' twice"),
+        (RolloutSettings, {"references": ["evn"]}, "'evn' is unknown: choose from random, even"),
+        (RolloutSettings, {"choices": []}, "choices = []"),
+        (
+            RolloutSettings,
+            {"choices": ["best"]},
+            "choice 'best' is unknown: choose",
+        ),
+        (EvaluationSettings, {"choice": "rule"}, "choice = 'rule'"),
         (MeshSettings, {"classes": {}}, "classes = {}"),
         (MeshSettings, {"classes": {"a": "03797390", "b": "03797390"}}, "names '03797390' twice"),
         (MeshSettings, {"sha256": {"cup": "0" * 64}}, "sha256 names 'cup'"),

@@ -1,5 +1,6 @@
 """A policy that PPO trained: draws alpha and beta from two heads (report, section VI.B)."""
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from gymnasium import spaces
 from stable_baselines3.common.policies import ActorCriticCnnPolicy, ActorCriticPolicy
 from torch import Tensor
 
+from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.features import WindowCNN
 from tactile_core.exploration.world.circle import report_order
 from tactile_core.exploration.world.state import Explorations
@@ -60,10 +62,16 @@ def net_with(weights: Mapping[str, Tensor], resolution: int) -> ActorCriticCnnPo
 class PPOPolicy:
     """A policy that PPO trained on the report's environment."""
 
+    draws = True
+
     def __init__(self, name: str, seed: int, net: ActorCriticPolicy) -> None:
         self.name = name
         self.seed = seed
         self.net = net
+
+    @functools.cached_property
+    def version(self) -> str:
+        return weights_version(net_weights(self.net))
 
     @torch.no_grad()
     def choose(

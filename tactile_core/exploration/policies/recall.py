@@ -10,11 +10,13 @@ import functools
 
 import numpy as np
 
+from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.scorer import RayScorer, best_rays_apart
 from tactile_core.exploration.world.rays import cast_rays
 from tactile_core.exploration.world.state import Explorations
+from tactile_core.files import content_hash
 from tactile_core.reconstruction.jaccard import jaccard_index
-from tactile_core.reconstruction.known_shapes import KnownShapes, unpack
+from tactile_core.reconstruction.known_shapes import KnownShapes, pack, unpack
 
 TRIED = 16  # rays that `recall` tries, of those of highest value
 RECALLED = 12  # known shapes that it tries each of them on
@@ -25,11 +27,19 @@ class RecallPolicy:
     """Tries the rays of highest value on known shapes that agree with what was felt, and casts the
     one that is best on average."""
 
+    draws = False
+
     def __init__(self, name: str, seed: int, net: RayScorer, known: KnownShapes) -> None:
         self.name = name
         self.seed = seed
         self.net = net
         self.known = known
+
+    @functools.cached_property
+    def version(self) -> str:
+        return content_hash(
+            weights_version(self.net.state_dict()), pack(self.known.masks).tobytes()
+        )
 
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool

@@ -25,6 +25,8 @@ class ReferencePolicy:
     name: str
     rule: Callable[[Explorations, np.random.Generator], np.ndarray]
     seed: int = 0
+    draws: bool = False
+    version: str = ""
 
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool = True

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.world.circle import frozen, middle
 from tactile_core.exploration.world.rays import RAYS, candidate_rays, ray_ends
 from tactile_core.exploration.world.state import Explorations, to_grey
@@ -84,10 +85,16 @@ def best_rays_apart(net: RayScorer, explorations: Explorations, count: int) -> n
 class ScorerPolicy:
     """A ray scorer: casts the candidate ray of highest value, whether deterministic or not."""
 
+    draws = False
+
     def __init__(self, name: str, seed: int, net: RayScorer) -> None:
         self.name = name
         self.seed = seed
         self.net = net
+
+    @functools.cached_property
+    def version(self) -> str:
+        return weights_version(self.net.state_dict())
 
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool

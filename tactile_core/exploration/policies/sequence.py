@@ -4,6 +4,7 @@ import numpy as np
 
 from tactile_core.exploration.policies.references import GOLDEN, towards_middle
 from tactile_core.exploration.world.state import Explorations
+from tactile_core.files import content_hash
 
 
 class SequencePolicy:
@@ -13,10 +14,13 @@ class SequencePolicy:
     learned policies there.
     """
 
+    draws = False
+
     def __init__(self, name: str, seed: int, rays: np.ndarray) -> None:
         self.name = name
         self.seed = seed
         self.rays = rays
+        self.version = content_hash(rays.tolist())
 
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool

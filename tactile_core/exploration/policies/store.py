@@ -16,13 +16,13 @@ from torch import Tensor
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration.policies.base import Policy
+from tactile_core.exploration.policies.base import Policy, weights_version
 from tactile_core.exploration.policies.ppo import PPOPolicy, net_with
 from tactile_core.exploration.policies.recall import RecallPolicy, load_known_shapes
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
 from tactile_core.exploration.policies.sequence import SequencePolicy
 from tactile_core.exploration.world.circle import circle_pixels
-from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
+from tactile_core.files import read_table, table_hash, write_table, written_whole
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES
 from tactile_core.settings import PolicySettings, Settings, problems
@@ -61,11 +61,6 @@ class StoredPolicy(Settings):
         return self.model_copy(
             update={"seal": content_hash(self.model_dump_json(exclude={"seal"}))}
         )
-
-
-def weights_version(tensors: Mapping[str, Tensor]) -> str:
-    """Hash of names, types, shapes and values of tensors (16 hex digits)."""
-    return content_hash(safetensors.torch.save(dict(tensors)))
 
 
 def save_policy(

@@ -11,7 +11,7 @@ from PIL import Image, ImageSequence
 from scipy.ndimage import gaussian_filter
 
 from tactile_core.dataset.outlines import outline
-from tactile_core.evaluation.rollout import Rollout
+from tactile_core.evaluation.replay import Rollout
 from tactile_core.exploration.world.rays import candidate_rays, cast_rays, ray_ends
 from tactile_core.figures.animation import HEADER, SIDE, rollout_gif
 from tactile_core.figures.rollouts import runs_figure, steps_figure

@@ -1,0 +1,231 @@
+"""Every ray of every policy on every shape to test on: what both evaluations read (section VII)."""
+
+import threading
+import time
+import zlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
+from tactile_core.exploration.policies.base import Policy
+from tactile_core.exploration.policies.references import find_reference
+from tactile_core.exploration.world.state import Explorations
+from tactile_core.keys import work_key
+from tactile_core.machine import processors
+from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.trained import TrainedUNet
+from tactile_core.settings import RolloutSettings
+from tactile_core.threads import one_thread
+
+Progress = Callable[[str], None]
+
+RULE = "rule"  # the choice of a policy that has no distribution of rays
+SECONDS_BETWEEN_WORDS = 15
+
+
+@dataclass
+class Casting:
+    """The rollouts of one policy by one choice, and how far they are, 0–1."""
+
+    policy: Policy
+    choice: str
+    key: str
+    done: float = 0.0
+    stop: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def name(self) -> str:
+        return f"{self.policy.name} (seed {self.policy.seed}, {self.choice})"
+
+
+def cast_rollouts(
+    policies: Sequence[Policy],
+    test: Shapes,
+    unet: TrainedUNet,
+    settings: RolloutSettings,
+    previous: pd.DataFrame | None = None,
+    progress: Progress = lambda message: None,
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """Rays of each policy on every test sample until `settings.count` rays are cast and as many
+    touches held, or `settings.ray_limit` rays are cast.
+
+    previous : the rollouts of an earlier run; those whose key is the same are kept
+    workers : policies at a time; None: as many as there are CPUs, and one on a GPU
+
+    Rows: policy, seed, choice ("likeliest", "drawn", or "rule" where there is no distribution to
+    choose from), sample_id, model_id, category, ray (from 1), alpha and beta (see `circle_pixels`),
+    row and column of the touch (−1 for a miss), missed, repeated, touches held, jaccard (0–100),
+    and key: of all that the row depends on.
+    """
+    everyone = with_references(policies, settings)
+    reconstructor = Reconstructor(unet)
+    progress(f"rollouts: the U-Net runs through {reconstructor.runs}")
+    tables: dict[str, pd.DataFrame] = {}
+    if previous is not None and "key" in previous:
+        tables = {str(key): rows for key, rows in previous.groupby("key", sort=False)}
+    castings = [
+        Casting(policy, choice, rollout_key(policy, choice, test, reconstructor, settings))
+        for policy in everyone
+        for choice in (settings.choices if policy.draws else [RULE])
+    ]
+    missing = [casting for casting in castings if casting.key not in tables]
+    if len(missing) < len(castings):
+        progress(
+            f"rollouts: {len(castings) - len(missing)} of {len(castings)} are kept as they are"
+        )
+    if workers is None:
+        workers = processors() if reconstructor.device.type == "cpu" else 1
+    with one_thread():
+        tables |= cast_missing(missing, test, unet, settings, progress, workers)
+    return pd.concat([tables[casting.key] for casting in castings], ignore_index=True)
+
+
+def cast_missing(
+    castings: list[Casting],
+    test: Shapes,
+    unet: TrainedUNet,
+    settings: RolloutSettings,
+    progress: Progress,
+    workers: int,
+) -> dict[str, pd.DataFrame]:
+    """The rollouts of each of `castings` by its key; it says how far they are."""
+    own = threading.local()
+
+    def work(casting: Casting) -> pd.DataFrame:
+        if not hasattr(own, "reconstructor"):  # what OpenVINO compiled serves one thread
+            own.reconstructor = Reconstructor(unet)
+        return cast_one(casting, test, own.reconstructor, settings)
+
+    start = time.monotonic()
+    tables: dict[str, pd.DataFrame] = {}
+    with ThreadPoolExecutor(workers) as pool:
+        under_way = {pool.submit(work, casting): casting for casting in castings}
+        try:
+            while under_way:
+                over, _ = wait(under_way, SECONDS_BETWEEN_WORDS, FIRST_COMPLETED)
+                for future in over:
+                    casting = under_way.pop(future)
+                    tables[casting.key] = future.result()
+                    progress(summary(casting, tables[casting.key], settings))
+                if not over:
+                    progress(how_far(castings, time.monotonic() - start))
+        finally:
+            for casting in castings:
+                casting.stop.set()
+            pool.shutdown(cancel_futures=True)
+    return tables
+
+
+def cast_one(
+    casting: Casting, test: Shapes, reconstructor: Reconstructor, settings: RolloutSettings
+) -> pd.DataFrame:
+    """Its rows in the order of the rays; shapes that have enough of them are left out."""
+    policy, rng = casting.policy, policy_rng(casting.policy, settings.seed)
+    explorations = Explorations(test.masks, reconstructor)
+    active = np.arange(len(test))
+    tables = []
+    for ray in range(1, settings.ray_limit + 1):
+        if casting.stop.is_set():
+            break
+        rays = policy.choose(explorations, rng, casting.choice == "likeliest")
+        cast = explorations.cast(rays)
+        table = sample_columns(casting, test, active)
+        table["ray"] = ray
+        table["alpha"], table["beta"] = rays.T.astype(np.int32)
+        table["row"], table["column"] = cast.touches.T.astype(np.int16)
+        table["missed"], table["repeated"] = cast.missed, cast.repeated
+        table["touches"] = explorations.held.copy()
+        table["jaccard"] = cast.jaccard.astype(float)
+        tables.append(table)
+        held = np.full(len(test), settings.count)
+        held[active] = np.minimum(explorations.held, settings.count)
+        casting.done = max(held.mean() / settings.count, ray / settings.ray_limit)
+        if ray < settings.count:
+            continue
+        unfinished = np.flatnonzero(explorations.held < settings.count)
+        if len(unfinished) == 0:
+            break
+        if len(unfinished) < len(active):
+            active, explorations = active[unfinished], explorations.select(unfinished)
+    casting.done = 1.0
+    return pd.concat(tables, ignore_index=True).assign(key=casting.key)
+
+
+def rollout_key(
+    policy: Policy,
+    choice: str,
+    test: Shapes,
+    reconstructor: Reconstructor,
+    settings: RolloutSettings,
+) -> str:
+    """The key of all that the rollouts of a policy by a choice depend on."""
+    return work_key(
+        "evaluation.rollouts",
+        "exploration.policies.store",
+        settings=settings.model_dump(include={"count", "ray_limit"}),
+        seed=settings.seed,
+        policy=f"{policy.name}-{policy.seed}-{policy.version}",
+        choice=choice,
+        unet=reconstructor.version,
+        runs=reconstructor.runs,
+        shapes=test.version,
+    )
+
+
+def summary(casting: Casting, table: pd.DataFrame, settings: RolloutSettings) -> str:
+    """What the rollouts of one policy came to, in a line."""
+    after = table.loc[table["ray"] == settings.count, "jaccard"].mean()
+    rays = len(table) / table["sample_id"].nunique()
+    held = table.groupby("sample_id")["touches"].max().ge(settings.count).mean()
+    return (
+        f"rollouts: {casting.name} reaches Jaccard {after:.1f} after {settings.count} rays, and "
+        f"{settings.count} touches on {held:.0%} of the shapes; {rays:.1f} rays each"
+    )
+
+
+def how_far(castings: list[Casting], seconds: float) -> str:
+    """How far all rollouts are, and how long they will take."""
+    done = float(np.mean([casting.done for casting in castings]))
+    words = f"rollouts: {done:.0%} of {len(castings)}, one for each policy and choice"
+    if done == 0:
+        return words
+    return f"{words}; about {seconds * (1 - done) / done:.0f} s to go"
+
+
+def with_references(policies: Sequence[Policy], settings: RolloutSettings) -> list[Policy]:
+    """The reference policies that `settings` name, then the trained ones.
+
+    Raises `TactileError` where two have one name and seed: no table could tell them apart.
+    """
+    every = [*map(find_reference, settings.references), *policies]
+    twice = [who for who, n in Counter((one.name, one.seed) for one in every).items() if n > 1]
+    if twice:
+        name, seed = twice[0]
+        raise TactileError(f"two policies are called {name!r} with seed {seed}: rename an approach")
+    return every
+
+
+def policy_rng(policy: Policy, seed: int) -> np.random.Generator:
+    """A generator of the policy's own: adding a policy does not change the others' rows."""
+    return np.random.default_rng([seed, policy.seed, zlib.crc32(policy.name.encode())])
+
+
+def sample_columns(casting: Casting, test: Shapes, which: np.ndarray) -> pd.DataFrame:
+    """The columns that say whose row it is, one row for each of the test samples `which`."""
+    return pd.DataFrame(
+        {
+            "policy": casting.policy.name,
+            "seed": casting.policy.seed,
+            "choice": casting.choice,
+            "sample_id": test.sample_ids[which],
+            "model_id": test.model_ids[which],
+            "category": test.categories[which],
+        }
+    )
