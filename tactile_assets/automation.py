@@ -38,7 +38,8 @@ def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.
     """The first look only remembers what there is. Nothing is downloaded.
 
     A server that cannot be asked fails the tick, which the UI shows. A source that has gone, such
-    as a disk that is not mounted, is waited for: a run could not read it.
+    as a disk that is not mounted, is waited for: a run could not read it. An archive whose server
+    does not tell its versions is named at every tick.
     """
     from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
 
@@ -48,10 +49,13 @@ def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.
         fingerprint = source_fingerprint(PROFILE.meshes)
     except MissingClassError as error:
         return dg.SkipReason(str(error))
-    if fingerprint == context.cursor:
-        return dg.SkipReason("the source has not changed")
-    requests = [dg.RunRequest()] if context.cursor else []
-    return dg.SensorResult(run_requests=requests, cursor=fingerprint)
+    for sentence in fingerprint.unwatched:
+        context.log.warning(sentence)
+    if context.cursor and fingerprint.value != context.cursor:
+        return dg.SensorResult(run_requests=[dg.RunRequest()], cursor=fingerprint.value)
+    seen = "the source has not changed" if context.cursor else "the source is remembered"
+    reason = "; ".join([seen, *fingerprint.unwatched])
+    return dg.SensorResult(skip_reason=reason, cursor=fingerprint.value)
 
 
 refresh_evaluations = dg.AutomationConditionSensorDefinition(

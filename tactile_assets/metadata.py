@@ -38,7 +38,9 @@ def stored(table: pd.DataFrame, **metadata: Any) -> dg.MaterializeResult:
 
 
 def set_aside(manifest: pd.DataFrame) -> dict[str, Any]:
-    """How many meshes could not be used and, where there are any, why the first of them."""
+    """How many meshes could not be used, why the first of them, and what their sources held."""
     aside = manifest.loc[manifest["status"] != "ok", ["model_id", "category", "status"]]
     reasons = {"reasons": markdown(aside.head(20))} if len(aside) else {}
-    return {"set_aside": len(aside), **reasons}
+    held = manifest.attrs.get("sources")
+    sources = {"sources": markdown(pd.DataFrame(held))} if held else {}
+    return {"set_aside": len(aside), **reasons, **sources}

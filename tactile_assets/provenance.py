@@ -10,6 +10,7 @@ import dagster as dg
 
 from tactile_assets.config import PROFILE
 from tactile_assets.paths import REPOSITORY
+from tactile_core.addresses import shown
 from tactile_core.errors import TactileError
 from tactile_core.machine import commit, memory_gib, processor, processors
 from tactile_core.settings import EvaluationSettings
@@ -31,7 +32,7 @@ def made_here() -> dict[str, Any]:
     precision = "bfloat16" if bfloat16_pays(device) else "float32"
     return {
         "commit": commit(REPOSITORY) or "unknown",
-        "variables": {name: os.environ[name] for name in VARIABLES if os.environ.get(name)},
+        "variables": {n: shown(os.environ[n]) for n in VARIABLES if os.environ.get(n)},
         "machine": f"{processors()} × {processor()}, {memory_gib():.0f} GiB, "
         f"{platform.system()}, {device} in {precision}",
         "python": platform.python_version(),

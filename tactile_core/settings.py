@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
+from tactile_core.addresses import redacted, setting_of
 from tactile_core.errors import TactileError
 
 RESOLUTION = Field(
@@ -56,17 +57,18 @@ class Settings(BaseModel):
 
 def problems(error: ValidationError) -> str:
     """What is wrong with settings, on one line that names each field and the value it was given."""
-    return "; ".join(
+    said = "; ".join(
         f"{'.'.join(map(str, problem['loc']))}{given(problem)}: {problem['msg']}"
         if problem["loc"]
         else problem["msg"].removeprefix("Value error, ")  # of several fields, which it names
         for problem in error.errors()
     )
+    return redacted(said)
 
 
 def given(problem: ErrorDetails) -> str:
     """The value that was given; nothing where none was, as pydantic then gives all the others."""
-    return "" if problem["type"] == "missing" else f" = {problem['input']!r:.200}"
+    return "" if problem["type"] == "missing" else f" = {redacted(repr(problem['input'])):.200}"
 
 
 def once_each(name: str, values: Sequence[Any]) -> None:
@@ -82,12 +84,13 @@ class MeshSettings(Settings):
     location: str | None = Field(
         None,
         description="Folder or http(s)/fsspec URL that holds <synset>.zip, <synset>/ or "
-        "<class>/ for each class; empty: meshes are generated.",
+        "<class>/ for each class; empty: meshes are generated. $NAME: the address in that "
+        "variable, where it holds a password or signature.",
     )
     classes: dict[str, str] = Field(
         {"mug": "03797390", "bottle": "02876657"},
         min_length=1,
-        description="Class name → ShapeNet synset, or the URL of its archive.",
+        description="Class name → ShapeNet synset, or the URL of its archive (or $NAME, likewise).",
     )
     procedural_models: dict[str, Meshes] = Field(
         {"mug": 214, "bottle": 498},
@@ -464,15 +467,17 @@ PROFILES = {
 
 def active_profile(environ: Mapping[str, str] = os.environ) -> Profile:
     """The profile that `TACTILE_PROFILE` names (default laptop), with `TACTILE_SHAPENET` and
-    `TACTILE_REAL` applied."""
+    `TACTILE_REAL` applied.
+
+    An address with a password or query stays in its variable: the setting is its name, `$NAME`.
+    """
     name = environ.get("TACTILE_PROFILE") or "laptop"
     if name not in PROFILES:
         raise TactileError(
             f"TACTILE_PROFILE={name!r} is unknown: choose one of {', '.join(PROFILES)}"
         )
     profile = PROFILES[name]
-    location = environ.get("TACTILE_SHAPENET") or None
+    location = setting_of("TACTILE_SHAPENET", environ)
     meshes = profile.meshes.model_copy(update={"location": location})
-    return profile.model_copy(
-        update={"meshes": meshes, "real": environ.get("TACTILE_REAL") or None}
-    )
+    real = setting_of("TACTILE_REAL", environ)
+    return profile.model_copy(update={"meshes": meshes, "real": real})

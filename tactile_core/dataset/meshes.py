@@ -5,6 +5,7 @@ that the later stages work from; `load_mesh` gives one back, ready for the camer
 """
 
 import contextlib
+import errno
 import logging
 import math
 from collections.abc import Callable
@@ -15,20 +16,24 @@ import pandas as pd
 import trimesh
 from upath import UPath
 
+from tactile_core.addresses import full
 from tactile_core.dataset.geometry import geometry_hash
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
-from tactile_core.dataset.sources.archives import one_line, open_archive, read_member, safe_members
-from tactile_core.dataset.sources.layouts import SUFFIXES, MeshFile, find_models, with_unique_ids
+from tactile_core.dataset.sources.archives import one_line, read_member, safe_members
+from tactile_core.dataset.sources.folders import as_local, as_path, read_file, walk
+from tactile_core.dataset.sources.layouts import (
+    SUFFIXES,
+    MeshFile,
+    find_models,
+    with_unique_ids,
+)
 from tactile_core.dataset.sources.parsing import parse_mesh
 from tactile_core.dataset.sources.places import (
     Place,
-    as_local,
-    as_path,
     find_places,
     is_address,
     is_http,
-    local_archive,
-    walk,
+    open_place,
 )
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, written_whole
@@ -67,14 +72,15 @@ def collect_meshes(
     faces, content_hash (of the file's bytes), geometry (see `geometry_hash`) and status: "ok", or
     why the mesh is set aside.
     A mesh set aside is not under `root`, and has no vertices and faces; one that could not
-    even be read has an empty content_hash.
+    even be read has an empty content_hash. Its attribute "sources" (`DataFrame.attrs`) tells for
+    each class that was not generated how many models were taken and files left out, and which.
 
     Raises `TactileError` where a class is found nowhere, has an archive that is damaged or
     refused, or keeps no usable mesh.
     """
     _check_apart(settings, root)
     with contextlib.ExitStack() as stack:
-        found = _find_meshes(settings, cache / "archives", stack, progress)
+        found, sources = _find_meshes(settings, cache / "archives", stack, progress)
         present = _present(root)
         rows = []
         for number, mesh in enumerate(found, start=1):
@@ -83,6 +89,7 @@ def collect_meshes(
                 progress(f"{number} of {len(found)} meshes collected")
     manifest = pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
     _check_usable(manifest, settings)
+    manifest.attrs["sources"] = sources
     for file in sorted(set(present) - set(manifest.loc[manifest["status"] == "ok", "file"])):
         _remove(root, file)
     return manifest
@@ -93,23 +100,32 @@ def _find_meshes(
     cache: Path,
     stack: contextlib.ExitStack,
     progress: Callable[[str], None],
-) -> list[MeshFile]:
-    """Every mesh, in the manifest's order. Archives stay open until `stack` closes."""
+) -> tuple[list[MeshFile], list[dict[str, object]]]:
+    """Every mesh, in the manifest's order, and what each place held.
+
+    Archives stay open until `stack` closes.
+    """
     places = find_places(settings)
     meshes = _generated(settings, {place.category for place in places})
+    sources = []
     for place in places:
-        models = _models_at(place, settings, cache, stack, progress)
-        progress(f"{place.category}: {len(models)} meshes in {place}")
+        models, held = _models_at(place, settings, cache, stack, progress)
         meshes += models
+        sources.append(held)
     known = {mesh.model_id for mesh in meshes}
     meshes = sorted(with_unique_ids(meshes), key=lambda mesh: (mesh.category, mesh.model_id))
     if renamed := [mesh.model_id for mesh in meshes if mesh.model_id not in known]:
         logger.warning("%d meshes share their names: %s, …", len(renamed), ", ".join(renamed[:3]))
     by_class = {name: [m for m in meshes if m.category == name] for name in settings.classes}
-    for category, models in by_class.items():
-        if not models:
-            raise TactileError(f"class {category!r} has no meshes: correct classes, or the source")
-    return [m for name in sorted(by_class) for m in by_class[name][: settings.models_per_class]]
+    for category, of_class in by_class.items():
+        if not of_class:
+            raise TactileError(
+                f"class {category!r} has no meshes: no location is given, and procedural_models "
+                f"says nothing of it; give it a number there (as {category}: 5), or take it out "
+                "of classes"
+            )
+    kept = [m for name in sorted(by_class) for m in by_class[name][: settings.models_per_class]]
+    return kept, sources
 
 
 def _generated(settings: MeshSettings, elsewhere: set[str]) -> list[MeshFile]:
@@ -141,31 +157,64 @@ def _models_at(
     cache: Path,
     stack: contextlib.ExitStack,
     progress: Callable[[str], None],
-) -> list[MeshFile]:
+) -> tuple[list[MeshFile], dict[str, object]]:
+    """The models at a place, and what was taken and left out there."""
     if place.folder is not None:
         source = "folder"
-        readers: dict[str, Callable[[], bytes]] = {
-            name: partial(_read_file, place.folder / name) for name in walk(place.folder)
-        }
+        files, odd = walk(place.folder)
+        readers = {name: partial(read_file, place.folder / name) for name in files}
+        readers |= {name: partial(_refuse, why) for name, why in odd.items()}
+        everything = [*readers]
     else:
         source = "archive"
-        path = local_archive(place, settings.sha256.get(place.category), cache, progress)
-        archive = stack.enter_context(open_archive(path))
-        readers = {n: partial(read_member, archive, n) for n in safe_members(archive, SUFFIXES)}
-    models = find_models(readers, place.category, place.synset, source)
+        archive = stack.enter_context(
+            open_place(place, settings.sha256.get(place.category), cache, progress)
+        )
+        members = safe_members(archive, SUFFIXES)
+        readers = {name: partial(read_member, archive, info) for name, info in members.items()}
+        everything = archive.namelist()
+    try:
+        models, left_out = find_models(readers, place.category, place.synset, source, everything)
+    except TactileError as error:
+        raise TactileError(f"class {place.category!r}: {place} {error}") from error
+    if place.folder is not None:
+        models += [_closed(name, why, place) for name, why in odd.items() if name.endswith("/")]
+    said = "; ".join(f"{len(names)} {why} (as {names[0]})" for why, names in left_out.items())
     if not models:
         raise TactileError(
             f"class {place.category!r}: {place} holds no mesh; looked for <id>/model.obj, "
             f"<id>/models/model_normalized.obj and *{', *'.join(SUFFIXES)}"
+            + (f"; left out: {said}" if said else "")
         )
-    return models
+    progress(f"{place.category}: {len(models)} meshes in {place}")
+    if said:
+        logger.warning("%s: left out in %s: %s", place.category, place, said)
+        progress(f"{place.category}: left out: {said}")
+    return models, {
+        "category": place.category,
+        "source": str(place),
+        "taken": len(models),
+        "left_out": sum(map(len, left_out.values())),
+        "which": said,
+    }
 
 
-def _read_file(path: UPath) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise TactileError(f"cannot be read ({one_line(error)})") from error
+def _closed(name: str, why: str, place: Place) -> MeshFile:
+    """A folder that is not looked into, set aside as a mesh."""
+    path = PurePosixPath(name)
+    return MeshFile(
+        model_id=path.name or place.category,
+        category=place.category,
+        synset=place.synset,
+        source="folder",
+        file=f"{place.synset or place.category}/{path}",
+        path="-".join(path.parts),
+        read=partial(_refuse, why),
+    )
+
+
+def _refuse(why: str) -> bytes:
+    raise TactileError(why)
 
 
 def _collect(mesh: MeshFile, root: UPath, present: dict[str, int]) -> dict[str, object]:
@@ -179,10 +228,17 @@ def _collect(mesh: MeshFile, root: UPath, present: dict[str, int]) -> dict[str, 
     except TactileError as error:
         logger.warning("%s %s is set aside: it %s", mesh.category, mesh.model_id, error)
         return row | {"status": str(error)}
-    target = root / mesh.file
-    if present.get(mesh.file) != len(data) or target.read_bytes() != data:
-        with written_whole(target) as file:
-            file.write(data)
+    try:
+        target = root / mesh.file
+        if present.get(mesh.file) != len(data) or target.read_bytes() != data:
+            with written_whole(target) as file:
+                file.write(data)
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:  # else there is nowhere for any mesh
+            raise TactileError(f"{root} cannot take the meshes: {one_line(error)}") from error
+        problem = f"has too long a name for the file system, {PurePosixPath(mesh.file).name[:40]}…"
+        logger.warning("%s %s is set aside: it %s", mesh.category, mesh.model_id, problem)
+        return row | {"status": f"{problem}: rename it"}
     return row | {
         "vertices": len(checked.vertices),
         "faces": len(checked.faces),
@@ -205,18 +261,19 @@ def _check_usable(manifest: pd.DataFrame, settings: MeshSettings) -> None:
 def _check_apart(settings: MeshSettings, root: UPath) -> None:
     """The meshes under `root` come and go, so no source of meshes may lie there."""
     own = [value for value in settings.classes.values() if is_address(value)]
-    for address in own + ([settings.location] if settings.location else []):
+    for setting in own + ([settings.location] if settings.location else []):
+        address = full(setting)
         local_root = as_local(root)
         source = None if is_http(address) else as_local(as_path(address))
         if local_root and source and source.resolve().is_relative_to(local_root.resolve()):
-            raise TactileError(f"{address} lies where meshes are stored ({root}): move it away")
+            raise TactileError(f"{setting} lies where meshes are stored ({root}): move it away")
 
 
 def _present(root: UPath) -> dict[str, int]:
     """Mesh files that lie under `root` already: path → length in bytes."""
     if not root.exists():
         return {}
-    sizes = {file: int(info["size"]) for file, info in walk(root).items()}
+    sizes = {file: int(info["size"]) for file, info in walk(root).files.items()}
     return {file: size for file, size in sizes.items() if file.lower().endswith(SUFFIXES)}
 
 

@@ -39,4 +39,6 @@ def render_real(
     usable = usable.assign(copy_of=find_copies(usable), split="test")
     models = usable.drop(columns=["mask", "key"]).merge(files)
     samples = rotate(models, root, mask_settings, split_settings, previous, progress)
-    return samples, looked_at[looked_at["status"] != "ok"].reset_index(drop=True)
+    aside = looked_at[looked_at["status"] != "ok"].reset_index(drop=True)
+    aside.attrs = manifest.attrs
+    return samples, aside

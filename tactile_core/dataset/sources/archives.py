@@ -1,15 +1,20 @@
 """Zip archives from elsewhere: what may be read from them, and what is refused.
 
-Nothing here writes to disk. A member is read into memory, and its name is one that stays
-inside any folder it is joined to.
+Nothing here writes to disk. A member is read into memory in pieces, never more than it declares,
+and its name is one that stays inside any folder it is joined to.
 """
 
+import copy
 import re
 import stat
 import zipfile
+import zlib
 from collections.abc import Collection
 from pathlib import Path, PurePosixPath
+from typing import IO
 
+from tactile_core.addresses import redacted
+from tactile_core.dataset.sources.looks import what_it_is
 from tactile_core.errors import TactileError
 
 # Bytes of one mesh, unpacked: reading takes 5 to 13 times as much, 3.3 GB, in each worker.
@@ -17,60 +22,115 @@ MAX_FILE = 256 << 20
 MAX_TOTAL = 64 << 30  # bytes of all meshes of an archive, unpacked
 MAX_RATIO = 200  # unpacked : packed; OBJ text packs about 4 : 1
 RATIO_MATTERS_FROM = 16 << 20  # smaller files do no harm, however well they pack
-MAX_NAME = 200  # bytes of one part of a path; file systems take 255
+PIECE = 1 << 20  # bytes unpacked at a time
+# All others unpack in one go, however much it is, and no one packs meshes with them.
+METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+METHOD_NAMES = {
+    1: "shrink", 6: "implode", 9: "deflate64", 12: "bzip2", 14: "LZMA", 20: "zstd", 93: "zstd",
+    95: "xz", 98: "PPMd",
+}  # fmt: skip
+ENCRYPTED = 1  # bit of a member's flags
 
 
-def open_archive(path: Path) -> zipfile.ZipFile:
-    """Open the zip file at `path`; raises `TactileError` where it is damaged or cut off."""
+def open_archive(path: Path, name: str | None = None) -> zipfile.ZipFile:
+    """Open the zip file at `path`; raises `TactileError` where it is none, damaged or cut off.
+
+    name : what messages call it, where it is the copy of something elsewhere
+    """
+    name = name or str(path)
     try:
+        if kind := what_it_is(path):
+            raise TactileError(f"{name} {kind}")
         return zipfile.ZipFile(path)
     except FileNotFoundError as error:
-        raise TactileError(f"{path} is missing: put the archive there") from error
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        raise TactileError(f"{name} is missing: put the archive there") from error
+    except TactileError:
+        raise
+    except Exception as error:  # zipfile and struct have a dozen kinds between them
         raise TactileError(
-            f"{path} is damaged or not a zip file ({one_line(error)}): delete it and fetch it again"
+            f"{name} is a zip archive that is damaged or cut off ({one_line(error)}): "
+            "get a whole copy of it"
         ) from error
 
 
-def safe_members(archive: zipfile.ZipFile, suffixes: Collection[str]) -> list[str]:
-    """The names of the members that end in one of `suffixes` (lower case), sorted.
+def safe_members(archive: zipfile.ZipFile, suffixes: Collection[str]) -> dict[str, zipfile.ZipInfo]:
+    """The members that end in one of `suffixes` (lower case), by path and sorted by it.
 
-    Raises `TactileError` for the whole archive where any member's path leads out of the
-    folder it would be unpacked in, or is a link, and where one of the members asked for
-    unpacks to more than the limits above.
+    Backslashes, as some programs for Windows write them, part folders as slashes do. Raises
+    `TactileError` for the whole archive where any member's path leads out of the folder it would
+    be unpacked in, or is a link, and where one of the members asked for packs too well, or all
+    of them unpack to more than the limit.
     """
     total = 0
-    names = set()
+    wanted = {}
     for member in archive.infolist():
-        problem = _path_problem(member.filename) or _kind_problem(member)
-        wanted = PurePosixPath(member.filename).suffix.lower() in suffixes and not member.is_dir()
-        if wanted and problem is None:
-            total += member.file_size
-            problem = _size_problem(member, total)
-            names.add(member.filename)
+        path = member.filename.replace("\\", "/")
+        problem = _path_problem(path) or _kind_problem(member)
+        is_mesh = PurePosixPath(path).suffix.lower() in suffixes and not path.endswith("/")
+        if is_mesh and problem is None:
+            if member.file_size <= MAX_FILE:  # larger ones are never unpacked
+                total += member.file_size
+                problem = _size_problem(member, total)
+            wanted[path] = member
         if problem:
             raise TactileError(
                 f"{archive.filename} is refused: member {member.filename[:80]!r} {problem}; "
                 "get the archive from a source that you trust"
             )
-    return sorted(names)
+    return dict(sorted(wanted.items()))
 
 
-def read_member(archive: zipfile.ZipFile, name: str) -> bytes:
-    """The bytes of one member; raises `TactileError` where they are damaged.
+def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
+    """The bytes of one member.
 
-    `zipfile` never unpacks more than the size that the archive's directory states, which
-    `safe_members` has bounded.
+    Raises `TactileError`, without the member's name, where they are damaged, encrypted, packed in
+    a way that is not read, or more than the archive says or the limit allows.
     """
+    if member.file_size > MAX_FILE:
+        raise TactileError(too_large(member.file_size))
+    if member.flag_bits & ENCRYPTED:
+        raise TactileError("is encrypted: pack it anew without a password")
+    if member.compress_type not in METHODS:
+        method = METHOD_NAMES.get(member.compress_type, f"method {member.compress_type}")
+        raise TactileError(
+            f"is packed with {method}, which is not read: pack it anew with deflate, as zip does"
+        )
+    # With one byte more allowed it shows where a member holds more than it says. `zipfile` would
+    # unpack it whole to compare checksums; that is done here.
+    allowed = copy.copy(member)
+    allowed.file_size += 1
+    allowed.CRC = None  # type: ignore[assignment]
     try:
-        return archive.read(name)
-    except Exception as error:  # zipfile, zlib, bz2 and lzma have a dozen kinds between them
+        with archive.open(allowed) as file:
+            data = read_pieces(file, allowed.file_size)
+    except Exception as error:  # zipfile and zlib have a dozen kinds between them
         raise TactileError(f"is damaged in its archive ({one_line(error)})") from error
+    if len(data) != member.file_size:
+        kind = "more" if len(data) > member.file_size else "less"
+        raise TactileError(
+            f"is damaged in its archive (it holds {kind} than the {member.file_size} bytes it says)"
+        )
+    if zlib.crc32(data) != member.CRC:
+        raise TactileError("is damaged in its archive (Bad CRC-32: another checksum)")
+    return data
+
+
+def read_pieces(file: IO[bytes], most: int) -> bytes:
+    """A file up to its end or `most` bytes, read in pieces."""
+    data = bytearray()
+    while piece := file.read(min(PIECE, most - len(data))):
+        data += piece
+    return bytes(data)
+
+
+def too_large(size: int) -> str:
+    """Why a mesh of `size` bytes is not read."""
+    return f"has {size / 1e6:.1f} MB, more than the {MAX_FILE / 1e6:.1f} MB that are read"
 
 
 def one_line(error: BaseException) -> str:
-    """What an exception says, on one line of at most 200 characters."""
-    return " ".join(str(error).split())[:200] or type(error).__name__
+    """What an exception says, on one line of at most 200 characters, without passwords."""
+    return redacted(" ".join(str(error).split()))[:200] or type(error).__name__
 
 
 def _path_problem(name: str) -> str | None:
@@ -79,10 +139,6 @@ def _path_problem(name: str) -> str | None:
         return "has an absolute path"
     if ".." in parts:
         return "leads out of its folder"
-    if "\\" in name:
-        return "has a backslash in its path"
-    if any(len(part.encode()) > MAX_NAME for part in parts):
-        return f"has a name of more than {MAX_NAME} bytes"
     return None
 
 
@@ -96,8 +152,6 @@ def _kind_problem(member: zipfile.ZipInfo) -> str | None:
 
 
 def _size_problem(member: zipfile.ZipInfo, total: int) -> str | None:
-    if member.file_size > MAX_FILE:
-        return f"unpacks to {member.file_size / 1e9:.1f} GB, more than {MAX_FILE / 1e9:.1f}"
     if total > MAX_TOTAL:
         return f"makes the meshes unpack to more than {MAX_TOTAL / 1e9:.1f} GB"
     if member.file_size > max(RATIO_MATTERS_FROM, MAX_RATIO * member.compress_size):

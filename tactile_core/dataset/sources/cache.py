@@ -15,6 +15,9 @@ from urllib.parse import unquote, urlsplit
 from filelock import FileLock
 from upath import UPath
 
+from tactile_core.addresses import shown
+from tactile_core.dataset.sources.archives import one_line
+from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 
 PIECE = 1 << 16  # bytes read at a time; a broken download loses less than one piece
@@ -56,20 +59,37 @@ def accept_part(target: Path) -> None:
     _record_path(part).replace(_record_path(target))
 
 
+def forget(path: Path) -> None:
+    """Remove a cached file and its record."""
+    path.unlink(missing_ok=True)
+    _record_path(path).unlink(missing_ok=True)
+
+
 def copy_object(source: UPath, folder: Path, progress: Callable[[str], None]) -> Path:
     """A file of any fsspec file system as a local one; copied only when it has changed."""
     target = cache_path(str(source), folder)
     with FileLock(f"{target}.lock"):
-        info = source.fs.info(source.path)
-        record = {"version": object_version(info), "length": str(info["size"])}
-        if read_record(target) == record:
-            return target
-        part = part_of(target)
-        reporter = Reporter(target.name, info["size"], progress)
-        with source.open("rb") as remote, part.open("wb") as file:
-            while piece := remote.read(PIECE):
-                file.write(piece)
-                reporter.at(file.tell())
+        try:
+            info = source.fs.info(source.path)
+            record = {"version": object_version(info), "length": str(info["size"])}
+            if read_record(target) == record:
+                return target
+            part = part_of(target)
+            reporter = Reporter(target.name, info["size"], progress)
+            with source.open("rb") as remote, part.open("wb") as file:
+                while piece := remote.read(PIECE):
+                    file.write(piece)
+                    reporter.at(file.tell())
+                size = file.tell()
+        except Exception as error:  # every fsspec file system has errors of its own
+            raise TactileError(
+                f"{shown(str(source))} cannot be copied ({one_line(error)}): look at the address "
+                "and the network, then run again"
+            ) from None
+        if size != info["size"]:
+            raise TactileError(
+                f"{shown(str(source))} broke off after {size} of {info['size']} bytes: run again"
+            )
         write_record(part, record)
         accept_part(target)
         return target

@@ -3,18 +3,22 @@
 The server's validators (ETag, Last-Modified, length) are recorded in the cache. With them a
 later request asks "has it changed since?" (If-None-Match, If-Modified-Since), and a broken
 download asks for "the rest, if it has not" (Range with If-Range).
+
+Errors of `requests` name the whole address, password and signature included. They never go on from
+here: not as the cause of another (`from None`), and not as a line in a log.
 """
 
 import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import urlsplit, urlunsplit
+from urllib.parse import urlsplit
 
 import requests
 from filelock import FileLock
 from requests.auth import AuthBase
 
+from tactile_core.addresses import redacted, shown
 from tactile_core.dataset.sources.cache import (
     PIECE,
     Reporter,
@@ -29,6 +33,7 @@ from tactile_core.errors import TactileError
 
 logger = logging.getLogger(__name__)
 
+HUGGING_FACE = "huggingface.co"
 ATTEMPTS = 5  # in a row that bring no new byte
 FIRST_WAIT = 0.5  # seconds; doubled after every further failure
 LONGEST_WAIT = 60  # seconds, whatever the server asks for
@@ -36,7 +41,16 @@ TIMEOUT = (10, 60)  # seconds to connect, and between two pieces
 # The bytes as they are: lengths and ranges then count what lies on disk.
 PLAIN = {"Accept-Encoding": "identity"}
 VALIDATORS = {"etag": "ETag", "modified": "Last-Modified", "length": "Content-Length"}
+NO_HEAD = (400, 403, 405, 501)  # of servers that know GET only, and addresses signed for it
 CONDITIONS = {"etag": "If-None-Match", "modified": "If-Modified-Since"}
+
+
+def _redact(record: logging.LogRecord) -> bool:
+    record.msg, record.args = redacted(record.getMessage()), ()
+    return True
+
+
+logging.getLogger("urllib3.connectionpool").addFilter(_redact)  # it names paths with their query
 
 
 class HuggingFaceToken(AuthBase):
@@ -70,7 +84,7 @@ class _TransientError(Exception):
 def takes_token(url: str) -> bool:
     """Whether the Hugging Face token may be sent to `url`."""
     parts = urlsplit(url)
-    return parts.scheme == "https" and parts.netloc == "huggingface.co"
+    return parts.scheme == "https" and parts.netloc == HUGGING_FACE
 
 
 def download(
@@ -107,11 +121,14 @@ def download(
 
 
 def remote_version(url: str, token: str | None = None) -> str | None:
-    """What tells two versions of the file at `url` apart, by a HEAD request; None if missing."""
+    """What tells two versions of the file at `url` apart, asked for by HEAD.
+
+    None where there is no file; empty where the server sends neither ETag nor Last-Modified.
+    """
     try:
-        response = requests.head(
-            url, headers=PLAIN, auth=_auth(url, token), timeout=TIMEOUT, allow_redirects=True
-        )
+        response = _headers("HEAD", url, token)
+        if response.status_code in NO_HEAD:
+            response = _headers("GET", url, token)
         if response.status_code in (404, 410):
             return None
         _refuse(response, url)
@@ -119,8 +136,19 @@ def remote_version(url: str, token: str | None = None) -> str | None:
         raise TactileError(
             f"{shown(url)} cannot be asked whether it has changed ({_reason(error)}): look at "
             "the address and the network"
-        ) from error
-    return repr(sorted(_validators(response).items()))
+        ) from None
+    validators = _validators(response)
+    # A length alone would miss a file that was replaced by one as long.
+    return repr(sorted(validators.items())) if validators.keys() - {"length"} else ""
+
+
+def _headers(method: str, url: str, token: str | None) -> requests.Response:
+    """The answer to a request, of whose body nothing is read."""
+    auth = _auth(url, token)
+    with requests.request(
+        method, url, headers=PLAIN, auth=auth, timeout=TIMEOUT, allow_redirects=True, stream=True
+    ) as response:
+        return response
 
 
 def verify_sha256(path: Path, expected: str | None, address: str) -> None:
@@ -130,12 +158,6 @@ def verify_sha256(path: Path, expected: str | None, address: str) -> None:
             f"{address} has SHA-256 {found}, not the expected {expected}: correct sha256 in the "
             "settings, or find out who changed the archive"
         )
-
-
-def shown(url: str) -> str:
-    """An address without user, password and query, for messages."""
-    parts = urlsplit(url)
-    return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path, "", ""))
 
 
 def _with_retries(
@@ -158,7 +180,7 @@ def _with_retries(
                 raise TactileError(
                     f"{shown(url)} cannot be fetched ({error}, {ATTEMPTS} times in a row): look "
                     "at the address and the network, then run again"
-                ) from error
+                ) from None
             pause = max(error.wait, first_wait * 2 ** (failures - 1))
             logger.info("%s: %s, next attempt in %.1f s", shown(url), error, pause)
             time.sleep(pause)
@@ -190,11 +212,13 @@ def _attempt(url: str, target: Path, token: str | None, progress: Callable[[str]
                 write_record(part, _validators(response))
             _stream(response, part, offset, progress)
     except (requests.ConnectionError, requests.Timeout) as error:
-        raise _TransientError(_reason(error)) from error
-    except requests.exceptions.ChunkedEncodingError as error:
-        raise _TransientError("the connection broke") from error
+        raise _TransientError(_reason(error)) from None
+    except requests.exceptions.ChunkedEncodingError:
+        raise _TransientError("the connection broke") from None
     except requests.RequestException as error:
-        raise TactileError(f"{shown(url)} cannot be fetched ({_reason(error)})") from error
+        raise TactileError(f"{shown(url)} cannot be fetched ({_reason(error)})") from None
+    except OSError as error:
+        raise TactileError(f"{part} cannot be written ({error.strerror}): make room") from error
     return part
 
 
@@ -218,10 +242,7 @@ def _refuse(response: requests.Response, url: str) -> None:
     """Raise what a status other than 200 and 206 means."""
     status = response.status_code
     if status in (401, 403):
-        raise TactileError(
-            f"{shown(url)} refuses access ({status}): for ShapeNet at Hugging Face accept the "
-            "licence on the data set's page and set HF_TOKEN to a token of that account"
-        )
+        raise TactileError(f"{shown(url)} refuses access ({status}): {_how_to_enter(url)}")
     if status in (404, 410):
         raise MissingFileError(f"{shown(url)} does not exist ({status}): look at the address")
     if status in (408, 429) or status >= 500:
@@ -230,6 +251,19 @@ def _refuse(response: requests.Response, url: str) -> None:
         raise _TransientError(f"status {status}", wait)
     if status not in (200, 206):
         raise TactileError(f"{shown(url)} answers with status {status}: look at the address")
+
+
+def _how_to_enter(url: str) -> str:
+    host = urlsplit(url).hostname
+    if host == HUGGING_FACE:
+        return (
+            "for ShapeNet at Hugging Face accept the licence on the data set's page and set "
+            "HF_TOKEN to a token of that account"
+        )
+    return (
+        f"{host} wants a user and a password, which ~/.netrc or the address in the environment may "
+        "give, or an address whose signature has not expired"
+    )
 
 
 def _auth(url: str, token: str | None) -> AuthBase | None:

@@ -1,19 +1,26 @@
 """Which files of an archive or a folder are models, and what the models are called.
 
 ShapeNetCore v1 lays a model as `<id>/model.obj`, v2 as `<id>/models/model_normalized.obj`,
-both under a folder `<synset>/` or none. In any other folder or archive each mesh file is a
-model, and its name is its id.
+both under a folder `<synset>/` or none; other meshes in a model's folder are further versions of
+the same object. Every other mesh file is a model, and its name is its id.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
+from typing import NamedTuple
 
 from tactile_core.errors import TactileError
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 SHAPENET_FILES = ("model_normalized.obj", "model.obj")  # v2, v1; v2 where a model has both
+INNER = ("models", "meshes")  # folders of v2 and of scans between a model and its file
+SYNSET = re.compile(r"0\d{7}")  # of all that ShapeNet has; no date of eight digits begins so
+ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst", ".7z", ".rar")
+OTHER_FORMATS = (".gltf", ".dae", ".fbx", ".3ds", ".wrl", ".x3d", ".blend", ".step", ".stp",
+                 ".usd", ".usda", ".usdc", ".usdz", ".3mf", ".ctm", ".vtk", ".max")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -33,17 +40,39 @@ class MeshFile:
     read: Callable[[], bytes]
 
 
+class Found(NamedTuple):
+    """The models of one class, and the files that were left out: why → their paths."""
+
+    models: list[MeshFile]
+    left_out: dict[str, list[str]]
+
+
 def find_models(
-    readers: Mapping[str, Callable[[], bytes]], category: str, synset: str, source: str
-) -> list[MeshFile]:
+    readers: Mapping[str, Callable[[], bytes]],
+    category: str,
+    synset: str,
+    source: str,
+    others: Iterable[str] = (),
+) -> Found:
     """The models among the files of one class, given as relative path → how to read it.
 
-    Hidden files are none. Where any file lies as ShapeNet lays them, only such are models.
+    others : paths of files that are not meshes, which may tell why there are so few
+
+    Hidden files are none. Raises `TactileError` where there are several synsets, or another than
+    that of the class: none is taken for the class in silence.
     """
-    parts = {name: PurePosixPath(name).parts for name in sorted(readers)}
-    parts = {n: p for n, p in parts.items() if p[-1].lower().endswith(SUFFIXES) and not _hidden(p)}
-    # An archive of several synsets serves each class with its own.
-    parts = {n: p[p.index(synset) + 1 :] for n, p in parts.items() if synset in p[:-1]} or parts
+    everything = {name: PurePosixPath(name).parts for name in sorted({*readers, *others})}
+    everything = {name: parts for name, parts in everything.items() if not _hidden(parts)}
+    parts = {n: p for n, p in everything.items() if n in readers and _ends(n, SUFFIXES)}
+    left_out = {
+        "archives inside, which are not opened: unpack them": ARCHIVES,
+        f"of formats that are not read; those that are: {', '.join(SUFFIXES)}": OTHER_FORMATS,
+    }
+    found = {why: [n for n in everything if _ends(n, ends)] for why, ends in left_out.items()}
+    own = _of_synset(parts, synset)
+    if strange := [name for name in parts if name not in own]:
+        found["of other synsets"] = strange
+    parts = own
 
     def model(name: str, folders: Iterable[str], model_id: str, file: str) -> MeshFile:
         path = "-".join((*folders, model_id))
@@ -53,19 +82,26 @@ def find_models(
     shapenet: dict[tuple[str, ...], str] = {}
     for shapenet_file in SHAPENET_FILES:
         for name, (*folders, file) in parts.items():
-            model_folder = tuple(folders[:-1] if folders[-1:] == ["models"] else folders)
+            model_folder = tuple(folders[:-1] if folders[-1:] in ([f] for f in INNER) else folders)
             if model_folder and file == shapenet_file:
                 shapenet.setdefault(model_folder, name)
-    if shapenet:
-        return [
-            model(name, above, model_id, "/".join(parts[name][len(above) :]))
-            for (*above, model_id), name in shapenet.items()
-        ]
-    names = {name: PurePosixPath(path[-1]) for name, path in parts.items()}
-    return [
-        model(n, parts[n][:-1], file.stem, f"{file.stem}{file.suffix.lower()}")
-        for n, file in names.items()
+    models = [
+        model(name, above, model_id, "/".join(parts[name][len(above) :]))
+        for (*above, model_id), name in shapenet.items()
     ]
+    further = []
+    for name, path in parts.items():
+        if name in shapenet.values():
+            continue
+        if any(path[:depth] in shapenet for depth in range(1, len(path))):
+            further.append(name)
+            continue
+        mesh = PurePosixPath(path[-1])
+        models.append(model(name, path[:-1], mesh.stem, f"{mesh.stem}{mesh.suffix.lower()}"))
+    found[f"beside the {' or '.join(SHAPENET_FILES)} of a model, taken for the same object"] = (
+        further
+    )
+    return Found(models, {why: names for why, names in found.items() if names})
 
 
 def with_unique_ids(meshes: Iterable[MeshFile]) -> list[MeshFile]:
@@ -84,6 +120,32 @@ def with_unique_ids(meshes: Iterable[MeshFile]) -> list[MeshFile]:
             f"{counts[shared[0]]} meshes would all be called {shared[0]!r}: rename their files"
         )
     return renamed
+
+
+def _of_synset(parts: dict[str, tuple[str, ...]], synset: str) -> dict[str, tuple[str, ...]]:
+    """The files of one class: path → its parts, below the synset's folder where there is one."""
+    own = {n: p[p.index(synset) + 1 :] for n, p in parts.items() if synset in p[:-1]}
+    there = sorted(
+        {part for path in parts.values() for part in path[:-1] if SYNSET.fullmatch(part)}
+    )
+    if own or not there:
+        return own or parts
+    if SYNSET.fullmatch(synset):
+        raise TactileError(f"holds {_listed(there)}, and not the synset {synset} of this class")
+    if len(there) > 1:
+        raise TactileError(
+            f"holds several synsets ({_listed(there)}), which are not one class: unpack it, give "
+            "the folder of the synsets as location, and the class's synset in classes"
+        )
+    return parts
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def _ends(name: str, suffixes: tuple[str, ...]) -> bool:
+    return name.lower().endswith(suffixes)
 
 
 def _hidden(parts: tuple[str, ...]) -> bool:

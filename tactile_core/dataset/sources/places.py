@@ -4,25 +4,27 @@ A class is found at the location as `<synset>.zip`, as an extracted `<synset>/`,
 `<class>/`, a folder of a user's own objects; or it has an archive or a folder of its own.
 """
 
-import contextlib
 import os
 import re
+import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import urlsplit, urlunsplit
 
 from upath import UPath
 
-from tactile_core.dataset.sources.archives import one_line
-from tactile_core.dataset.sources.cache import copy_object, object_version
+from tactile_core.addresses import full, shown
+from tactile_core.dataset.sources.archives import one_line, open_archive
+from tactile_core.dataset.sources.cache import copy_object, forget, object_version
 from tactile_core.dataset.sources.download import (
     MissingFileError,
     download,
     remote_version,
-    shown,
     verify_sha256,
 )
+from tactile_core.dataset.sources.folders import as_local, as_path, walk
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 from tactile_core.settings import MeshSettings
@@ -38,12 +40,13 @@ class Place:
 
     category: str
     synset: str  # empty where the class has an archive or folder of its own
-    url: str | None = None
-    archive: UPath | None = None
-    folder: UPath | None = None
+    # Not for messages: an address may hold a secret.
+    url: str | None = field(default=None, repr=False)
+    archive: UPath | None = field(default=None, repr=False)
+    folder: UPath | None = field(default=None, repr=False)
 
     def __str__(self) -> str:
-        return shown(self.url) if self.url else str(self.archive or self.folder)
+        return shown(self.url or str(self.archive or self.folder))
 
 
 def find_places(settings: MeshSettings) -> list[Place]:
@@ -54,17 +57,20 @@ def find_places(settings: MeshSettings) -> list[Place]:
     """
     places = []
     for category, value in sorted(settings.classes.items()):
-        _check_names(category, value, settings)
+        _check_names(category, value)
         if is_address(value):
-            places.append(_own_place(category, value))
+            places.append(_own_place(category, full(value)))
         elif settings.location:
-            places.append(_place_at(settings.location, category, value))
+            places.append(_place_at(full(settings.location), category, value))
     return places
 
 
 def is_address(value: str) -> bool:
-    """Whether a class's value is the address of its own archive or folder, not a synset."""
-    return "/" in value or value.endswith(".zip")
+    """Whether a class's value is the address of its own archive or folder, not a synset.
+
+    An address that is not to be seen is given as `$NAME`, the variable that holds it.
+    """
+    return "/" in value or value.endswith(".zip") or value.startswith("$")
 
 
 def is_http(address: str) -> bool:
@@ -72,10 +78,26 @@ def is_http(address: str) -> bool:
     return address.startswith(("http://", "https://"))
 
 
-def local_archive(
+def open_place(
+    place: Place, sha256: str | None, cache: Path, progress: Callable[[str], None]
+) -> zipfile.ZipFile:
+    """The archive at `place`, fetched into `cache` where it lies elsewhere.
+
+    What was fetched and is no archive leaves the cache again, so that the next run asks anew.
+    """
+    path = _local_archive(place, sha256, cache, progress)
+    try:
+        return open_archive(path, str(place))
+    except TactileError:
+        if place.url or (place.archive is not None and as_local(place.archive) is None):
+            forget(path)
+        raise
+
+
+def _local_archive(
     place: Place, sha256: str | None, cache: Path, progress: Callable[[str], None]
 ) -> Path:
-    """The archive at `place` as a file on this machine, fetched into `cache` where it must be.
+    """The archive at `place` as a file on this machine.
 
     The token in `HF_TOKEN` opens gated data sets at Hugging Face.
     """
@@ -94,72 +116,40 @@ def local_archive(
     return path
 
 
-def walk(folder: UPath) -> dict[str, dict]:
-    """Every file below `folder`: relative path → length and time or ETag, as fsspec has it.
+class Fingerprint(NamedTuple):
+    """What changes when the source does, and why parts of it cannot be watched."""
 
-    Sorted by path. Links are followed, each folder is entered once.
-    """
-    local = as_local(folder)
-    if local is None:
-        found = folder.fs.find(folder.path, detail=True)
-        start = len(folder.path.rstrip("/")) + 1
-        return {path[start:]: info for path, info in sorted(found.items())}
-    files, visited = {}, set()
-    for here, folders, names in os.walk(local, followlinks=True):
-        folders.sort()
-        if os.path.realpath(here) in visited:
-            folders.clear()
-            continue
-        visited.add(os.path.realpath(here))
-        for name in names:
-            path = Path(here, name)
-            with contextlib.suppress(OSError):  # a broken link
-                state = path.stat()
-                info = {"size": state.st_size, "mtime": state.st_mtime_ns}
-                files[path.relative_to(local).as_posix()] = info
-    return dict(sorted(files.items()))
+    value: str
+    unwatched: tuple[str, ...]
 
 
-def source_fingerprint(settings: MeshSettings) -> str:
+def source_fingerprint(settings: MeshSettings) -> Fingerprint:
     """Changes when what the meshes are read from changes; nothing is downloaded.
 
     Files count by name, length and time or ETag; http archives by the headers of a HEAD
-    request. Raises `MissingClassError` where a class is found nowhere, and another `TactileError`
-    where a server cannot be asked.
+    request. Raises `MissingClassError` where a class is found nowhere or nothing is in its place,
+    and another `TactileError` where a server cannot be asked.
     """
-    versions = [
-        (category, _version(place))
-        for category, value in sorted(settings.classes.items())
-        for place in find_places(settings.model_copy(update={"classes": {category: value}}))
-    ]
-    return content_hash(*versions)
+    versions = []
+    unwatched = []
+    for category, value in sorted(settings.classes.items()):
+        for place in find_places(settings.model_copy(update={"classes": {category: value}})):
+            version = _version(place)
+            versions.append((category, version))
+            if version is None:
+                unwatched.append(
+                    f"{place} is not watched: its server tells neither ETag nor Last-Modified"
+                )
+    return Fingerprint(content_hash(*versions), tuple(unwatched))
 
 
-def as_path(address: str) -> UPath:
-    """A local path or fsspec URL; raises `TactileError` where its file system is not installed."""
-    try:
-        path = UPath(address) if "://" in address else UPath(address).expanduser()
-        path.fs  # noqa: B018 (made on first use, which is where a missing package shows)
-    except (ImportError, ValueError) as error:
-        raise TactileError(f"{address} cannot be opened: {one_line(error)}") from error
-    return path
-
-
-def as_local(path: UPath) -> Path | None:
-    """`path` as a plain path, if it lies on this machine."""
-    return Path(path.path) if path.protocol in ("", "file", "local") else None
-
-
-def _check_names(category: str, value: str, settings: MeshSettings) -> None:
+def _check_names(category: str, value: str) -> None:
     for name in (category, category if is_address(value) else value):
         if not re.fullmatch(r"[\w-][\w. -]*", name):
             raise TactileError(
-                f"classes: {name!r} cannot name a class or synset: use letters, digits, '_' "
+                f"classes: {shown(name)!r} cannot name a class or synset: use letters, digits, '_' "
                 "and '-' (an archive's address has a '/' or ends in .zip)"
             )
-    same = sorted(name for name, other in settings.classes.items() if other == value)
-    if len(same) > 1:
-        raise TactileError(f"classes: {' and '.join(same)} both stand for {value!r}: keep one")
 
 
 def _own_place(category: str, value: str) -> Place:
@@ -169,7 +159,7 @@ def _own_place(category: str, value: str) -> Place:
     kind = _kind(path)
     if kind is None:
         raise MissingClassError(
-            f"class {category!r}: {value} does not exist: correct it in classes"
+            f"class {category!r}: {shown(value)} does not exist: correct it in classes"
         )
     if kind == "folder":
         return Place(category, "", folder=path)
@@ -184,11 +174,14 @@ def _place_at(location: str, category: str, synset: str) -> Place:
     root = as_path(location)
     kind = _kind(root)
     if kind == "file":
-        raise TactileError(f"{location} is a file: give the folder that holds {synset}.zip")
+        raise TactileError(
+            f"{shown(location)} is a file: give the folder that holds {synset}.zip, or unpack "
+            f"an archive of all synsets and give the folder that holds {synset}/"
+        )
     if kind is None:
         raise MissingClassError(
-            f"class {category!r} (synset {synset}) is missing: the location {location} does not "
-            "exist; correct it, or leave it empty to generate meshes"
+            f"class {category!r} (synset {synset}) is missing: the location {shown(location)} does "
+            "not exist; correct it, or leave it empty to generate meshes"
         )
     if _kind(root / f"{synset}.zip") == "file":
         return Place(category, synset, archive=root / f"{synset}.zip")
@@ -196,8 +189,9 @@ def _place_at(location: str, category: str, synset: str) -> Place:
         if _kind(root / name) == "folder":
             return Place(category, synset, folder=root / name)
     raise MissingClassError(
-        f"class {category!r} (synset {synset}) is missing: {location} holds neither {synset}.zip "
-        f"nor {synset}/ nor {category}/; put one there, or take the class out of classes"
+        f"class {category!r} (synset {synset}) is missing: {shown(location)} holds neither "
+        f"{synset}.zip nor {synset}/ nor {category}/; put one there, or take the class "
+        "out of classes"
     )
 
 
@@ -206,13 +200,20 @@ def _kind(path: UPath) -> str | None:
     try:
         return "file" if path.is_file() else "folder" if path.is_dir() else None
     except Exception as error:  # every fsspec file system has errors of its own
-        raise TactileError(f"{path} cannot be looked at: {one_line(error)}") from error
+        raise TactileError(f"{shown(str(path))} cannot be looked at: {one_line(error)}") from None
 
 
 def _version(place: Place) -> object:
+    """What changes when the place does; None where its server does not tell."""
     if place.url:
-        return remote_version(place.url, os.environ.get("HF_TOKEN")) or "missing"
+        version = remote_version(place.url, os.environ.get("HF_TOKEN"))
+        if version is None:
+            raise MissingClassError(f"class {place.category!r} is missing: {place} is not there")
+        return version or None
     if place.folder is not None:
-        return [(name, object_version(info)) for name, info in walk(place.folder).items()]
+        files = walk(place.folder).files
+        if not files:  # as a disk that is not mounted
+            raise MissingClassError(f"class {place.category!r} is missing: {place} is empty")
+        return [(name, object_version(info)) for name, info in files.items()]
     assert place.archive is not None
     return object_version(place.archive.fs.info(place.archive.path))

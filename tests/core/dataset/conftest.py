@@ -90,6 +90,7 @@ class Store:
     conditions: bool = True
     status: list[int] = field(default_factory=list)  # refusals, one per request to come
     breaks: list[int] = field(default_factory=list)  # bytes sent before the line is cut
+    head: int = 200  # the answer to HEAD
     redirect: str | None = None
     retry_after: str | None = None
     requests: list[tuple[str, dict[str, str]]] = field(default_factory=list)
@@ -114,7 +115,7 @@ def store_handler(store: Store) -> type[BaseHTTPRequestHandler]:
 
         def do_HEAD(self):
             store.requests.append(("HEAD", dict(self.headers)))
-            self.answer(200, Content_Length=str(len(store.body)))
+            self.answer(store.head, Content_Length=str(len(store.body)))
 
         def do_GET(self):
             store.requests.append(("GET", dict(self.headers)))

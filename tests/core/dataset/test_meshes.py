@@ -98,10 +98,10 @@ def test_an_archive_without_meshes_says_what_was_looked_for(collect, tmp_path):
     assert "holds no mesh; looked for <id>/model.obj" in refusal(collect)
 
 
-def test_a_corrupted_archive_says_to_fetch_it_again(collect, tmp_path):
+def test_an_archive_that_is_cut_off_is_named(collect, tmp_path):
     path = make_zip(tmp_path / f"source/{MUG}.zip", {f"{MUG}/a/{V1}": obj()})
     path.write_bytes(path.read_bytes()[:-40])
-    assert f"{path} is damaged or not a zip file" in refusal(collect)
+    assert f"{path} is a zip archive that is cut off" in refusal(collect)
 
 
 def test_an_archive_with_another_checksum_is_refused(collect, tmp_path):

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import traceback
 
 import pytest
 import requests
@@ -167,12 +168,18 @@ def test_a_server_that_is_not_there_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("status", [401, 403])
-def test_refused_access_says_to_accept_the_licence_and_set_a_token(make_store, tmp_path, status):
+def test_refused_access_speaks_of_the_server_that_refused(make_store, tmp_path, status):
     store = make_store(status=[status])
     message = refusal(store.url, tmp_path)
-    assert "accept the licence" in message
-    assert "HF_TOKEN" in message
+    assert f"refuses access ({status}): 127.0.0.1 wants a user and a password" in message
+    assert "HF_TOKEN" not in message and "Hugging Face" not in message
     assert len(store.requests) == 1  # asking again would not help
+
+
+def test_refused_access_at_hugging_face_says_to_accept_the_licence_and_set_a_token():
+    said = download_module._how_to_enter("https://huggingface.co/datasets/a.zip")
+    assert "accept the licence" in said and "HF_TOKEN" in said
+    assert "HF_TOKEN" not in download_module._how_to_enter("https://huggingface.co.example.org/a")
 
 
 def test_a_missing_file_is_told_at_once(make_store, tmp_path):
@@ -218,6 +225,28 @@ def test_a_version_is_asked_by_head_and_follows_the_file(make_store):
     store.etag = '"2"'
     assert remote_version(store.url) != before
     assert {method for method, _ in store.requests} == {"HEAD"}
+
+
+def test_a_server_that_knows_no_head_is_asked_by_get_of_which_nothing_is_read(make_store):
+    store = make_store(body=BODY, head=405)
+    before = remote_version(store.url)
+    store.etag = '"2"'
+    assert before and remote_version(store.url) != before
+    assert [method for method, _ in store.requests] == ["HEAD", "GET"] * 2
+
+
+def test_a_server_that_tells_no_version_gives_an_empty_one(make_store):
+    """Its length alone would miss a file that was replaced by one as long."""
+    assert remote_version(make_store(body=BODY, etag=None).url) == ""
+
+
+def test_no_error_and_no_log_has_an_address_with_its_password_or_query(tmp_path, caplog):
+    hidden = "s3" + "cret"  # whole in no line of code, which tracebacks show
+    address = f"http://user:{hidden}@127.0.0.1:9/a.zip?X-Amz-Signature={hidden}"
+    with pytest.raises(TactileError) as caught, caplog.at_level("DEBUG"):
+        get(address, tmp_path)
+    assert hidden not in "".join(traceback.format_exception(caught.value))
+    assert hidden not in caplog.text and "a.zip" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -56,11 +56,10 @@ def test_a_file_url_is_a_location(collect, tmp_path):
 
 
 def test_linked_folders_are_followed_once_and_loops_end(collect, tmp_path):
-    make_folder(tmp_path / "elsewhere", {f"x/{V2}": obj()})
-    (tmp_path / "source" / MUG).mkdir(parents=True)
+    make_folder(tmp_path / "source" / MUG, {f".store/x/{V2}": obj()})
     for name in "dbeca":
-        (tmp_path / "source" / MUG / name).symlink_to(tmp_path / "elsewhere/x")
-    (tmp_path / "source" / MUG / "loop").symlink_to(tmp_path / "source")
+        (tmp_path / "source" / MUG / name).symlink_to(tmp_path / "source" / MUG / ".store/x")
+    (tmp_path / "source" / MUG / "loop").symlink_to(tmp_path / "source" / MUG)
     assert collect()["model_id"].tolist() == ["a"]
 
 
