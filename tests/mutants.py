@@ -29,7 +29,7 @@ TESTS = {
     "exploration/world/state": ["exploration/world/test_state.py", "exploration/world/test_env.py"],
     "exploration/world/rewards": ["exploration/world/test_rewards.py"],
     "evaluation/statistics": ["evaluation/test_statistics.py"],
-    "evaluation/bootstrap": ["evaluation/test_statistics.py"],
+    "evaluation/bootstrap": ["evaluation/test_bootstrap.py"],
     "dataset/splits": ["dataset/test_splits.py"],
     "dataset/sources/archives": ["dataset/sources/test_archives.py"],
     "keys": ["test_keys.py"],

@@ -94,6 +94,8 @@ def test_the_gap_is_closed_from_random_at_0_to_the_oracle_at_1():
     }
     np.testing.assert_array_equal(gap_closed(means, "own"), [0.25, 1, np.nan])
     np.testing.assert_array_equal(gap_closed(means, "random"), [0, 0, np.nan])
+    two = {name: means[name] for name in ("random", "oracle")}
+    assert gap_closed(two, "oracle").tolist()[:2] == [1, 1]
     for lacking in ("random", "oracle"):
         rest = {name: value for name, value in means.items() if name != lacking}
         assert np.isnan(gap_closed(rest, "own")).all()
