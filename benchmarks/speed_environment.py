@@ -1,6 +1,6 @@
 """Environment and PPO steps per second, beside one environment that steps alone.
 
-The plain way is `TactileEnv`, lines by scikit-image, under Stable-Baselines3's DummyVecEnv, with
+The plain way is `PlainEnv`, lines by scikit-image, under Stable-Baselines3's DummyVecEnv, with
 a float32 U-Net at batch 1. It has the same U-Net, with folded normalisation and channels last.
 """
 
@@ -10,11 +10,11 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
+from benchmarks.plain_environment import PlainEnv
 from benchmarks.samples import RESOLUTION, masks, untrained
 from benchmarks.timing import Curve, Pace, Row, Work, alternated, at_least, swept
 from tactile_core.exploration.learning.approaches import DIFF
 from tactile_core.exploration.learning.ppo import new_model
-from tactile_core.exploration.world.env import TactileEnv
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import PROFILES
@@ -91,7 +91,7 @@ def batched_env(
 
 def plain_env() -> DummyVecEnv:
     reconstructor = Reconstructor(untrained(), "float32")
-    return DummyVecEnv([lambda: TactileEnv(masks(), reconstructor)])
+    return DummyVecEnv([lambda: PlainEnv(masks(), reconstructor)])
 
 
 def random_steps(env: VecEnv) -> Work:

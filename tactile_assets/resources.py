@@ -13,7 +13,7 @@ from upath import UPath
 
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, written_whole
-from tactile_core.home import check_one_home, find_home
+from tactile_core.home import check_one_home, find_artifacts, find_home
 
 logger = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ class Store(dg.ConfigurableResource):
         """
         home = find_home(environ)
         check_one_home(home, environ)
-        return cls(home=str(home), artifacts=environ.get("TACTILE_STORE") or f"{home}/artifacts")
+        return cls(home=str(home), artifacts=find_artifacts(environ))
 
     def path(self, *parts: str) -> UPath:
         """A place among the artifacts."""

@@ -4,3 +4,23 @@ The sub-packages follow the report: `dataset` (section IV), `reconstruction` (V)
 `exploration` (VI) and `evaluation` (VII). Imports go one way: evaluation → exploration →
 reconstruction → dataset. `figures` draws what each of them made.
 """
+
+import importlib
+import sys
+
+ENV_ID = "TactileExploration-v1"
+
+
+def register_environment() -> None:
+    """Make the environment known to Gymnasium by its name."""
+    # No import statement: `keys` counts those, and no mask hangs on Gymnasium.
+    importlib.import_module("gymnasium").register(
+        ENV_ID,
+        entry_point="tactile_core.exploration.environments:make_env",
+        vector_entry_point="tactile_core.exploration.environments:make_vector_env",
+    )
+
+
+# Those who ask for it by `gymnasium.make` have Gymnasium; all others need not wait for it.
+if "gymnasium" in sys.modules:
+    register_environment()

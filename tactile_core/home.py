@@ -44,6 +44,11 @@ def find_home(environ: Mapping[str, str] = os.environ) -> Path:
     return home.resolve()
 
 
+def find_artifacts(environ: Mapping[str, str] = os.environ) -> str:
+    """Folder or fsspec URL that holds what the assets store: `TACTILE_STORE`, else in the home."""
+    return environ.get("TACTILE_STORE") or f"{find_home(environ)}/artifacts"
+
+
 def default_home() -> Path:
     """`.tactile` in a checkout; the user's data folder for an installed package."""
     if (CHECKOUT / "pyproject.toml").is_file():

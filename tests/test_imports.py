@@ -14,7 +14,7 @@ ROOMS = {
         "seeds", "sources", "procedural", "geometry", "meshes", "rendering", "copies", "splits",
         "outlines", "shapes", "touches", "real",
     ],
-    "exploration": ["world", "policies", "learning", "practice"],
+    "exploration": ["world", "policies", "learning", "practice", "environments"],
 }  # fmt: skip
 
 

@@ -1,24 +1,24 @@
-"""The report's environment (section VI.A) for one robot: plain, and easy to check by eye.
+"""The report's environment (section VI.A) for one robot, as Gymnasium has it.
 
-Training steps many explorations at once in `vec_env.BatchedTactileEnv`; a test holds the two
-to the same rewards and observations.
+`gymnasium.make` finds it by name, see `exploration.environments`.
 """
 
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
-from skimage.draw import line
+from gymnasium.error import ResetNeeded
 
-from tactile_core.exploration.world.circle import report_circle
-from tactile_core.exploration.world.rays import MISS, RAYS
+from tactile_core import ENV_ID, register_environment
+from tactile_core.errors import TactileError
+from tactile_core.exploration.world.episodes import Episodes
+from tactile_core.exploration.world.interface import Interface
+from tactile_core.exploration.world.pictures import Window, picture, window_missing
+from tactile_core.exploration.world.rays import RAYS
 from tactile_core.exploration.world.rewards import DIFF, Stage
-from tactile_core.exploration.world.state import Cast, check_resolution, to_grey
 from tactile_core.reconstruction.inference import Reconstructor
-from tactile_core.reconstruction.jaccard import THRESHOLD, jaccard_index
 
-ENV_ID = "TactileExploration-v0"
+ONE = np.arange(1)
 
 
 class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -29,6 +29,9 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
     around the middle, by index into `circle.report_circle` (P = 176 at R = 64, 720 at 256).
     The ray is the pixel line from alpha to beta; its touch is the first mask pixel on it.
 
+    With `actions="angle and offset"`, `MultiDiscrete([36, 11])`: the direction that the ray comes
+    from, and which of eleven parallel rays it is, see `rays.candidate_rays`.
+
     ## Observation
     `Box(0, 255, (2, R, R), uint8)`
 
@@ -36,30 +39,39 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
     |---|---|---|
     | 0 | reconstruction: probability of the object × 255 | 0–255 |
     | 1 | touches held: 255 at each, else 0 | 0 or 255 |
+    | "free space", where `channels` name it | 255 where a past ray has passed | 0 or 255 |
+    | "ray number", where `channels` name it | 25 in every pixel for each ray cast | 0–255 |
 
     ## Reward
     `stage.reward` of the cast, see `rewards`: by default what the ray adds to the Jaccard
     index (0–100), and −10 in its place for a miss or a repeat.
 
     ## Start
-    A mask drawn uniformly from `masks`, no touch held.
+    A mask drawn uniformly from `masks`, or the one that `reset(options={"mask": 3})` names, and no
+    touch held.
 
     ## End
     Terminated after `count` rays (`stage.ends == "rays"`) or when `count` touches are held
     (`"touches"`). Truncated after `ray_limit` rays in the latter case.
 
     ## Info
-    `jaccard` (0–100), `touch` (row, column; −1, −1 for a miss), `missed`, `repeated`, and
-    `mask`, the index of the mask.
+    `mask`, the index of the mask, and `jaccard` (0–100); after a step `touch`, (row, column) or
+    (−1, −1) for a miss, `missed` and `repeated`. `exploration` holds the arrays of
+    `state.Explorations`, the true mask among them: for the policies of the tables, which see more
+    than the observation. A policy that learns must not see it.
 
     ## Arguments
-    masks : (M, R, R) bool; reconstructor : the trained U-Net; stage : reward and end.
+    masks : (M, R, R) of 0 and 1; reconstructor : the trained U-Net; stage : reward and end;
+    count, ray_limit : see End; interface : action layout and further channels;
+    render_mode : "rgb_array", or "human" where a window can be opened.
+    `gymnasium.make` knows others, see `environments.make_env`.
 
     ## Version history
-    v0: the report's environment.
+    v1: made by name alone, masks chosen in `reset`, action layouts and channels, `exploration` in
+    info. v0: the report's environment.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 2}  # noqa: RUF012
 
     def __init__(
         self,
@@ -69,88 +81,95 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
         *,
         count: int = RAYS,
         ray_limit: int = 100,
+        interface: Interface = Interface(),  # noqa: B008 (frozen)
         render_mode: str | None = None,
     ) -> None:
-        check_resolution(masks, reconstructor)
-        resolution = masks.shape[-1]
-        self.masks = masks
+        self.episodes = Episodes(
+            1, masks, reconstructor, stage, count=count, ray_limit=ray_limit, interface=interface
+        )
         self.reconstructor = reconstructor
-        self.stage = stage
-        self.count = count
-        self.ray_limit = ray_limit
-        self.render_mode = render_mode
-        self.circle = report_circle(resolution)
-        self.action_space = spaces.MultiDiscrete([len(self.circle)] * 2)
-        self.observation_space = spaces.Box(0, 255, (2, resolution, resolution), np.uint8)
+        self.interface = interface
+        self.action_space = interface.action_space(self.episodes.resolution)
+        self.observation_space = interface.observation_space(self.episodes.resolution)
+        self.render_mode = checked_mode(render_mode)
+        if window_missing():  # what this environment can do here, for those who try every mode
+            self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
+        self.window: Window | None = None
+        self.begun = False
+        self.last_ray: np.ndarray | None = None  # (2,) int
+
+    @property
+    def masks(self) -> np.ndarray:
+        """Those that episodes are drawn from, (M, R, R) bool."""
+        return self.episodes.masks
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         super().reset(seed=seed)
-        self.index = int(self.np_random.integers(len(self.masks)))
-        self.mask = self.masks[self.index]
-        self.touches = np.zeros(self.mask.shape, np.uint8)
-        self.felt = np.zeros(self.mask.shape, np.int8)
-        self.prediction = self.reconstructor.predict(self.felt[None])[0]
-        self.jaccard = float(jaccard_index(self.prediction, self.mask))
-        self.rays = 0
-        self.last_ray: tuple[np.ndarray, np.ndarray] | None = None
-        return self.observe(), {"mask": self.index, "jaccard": self.jaccard}
+        drawn = self.episodes.draw(self.np_random, options)
+        self.episodes.begin(ONE, np.array([drawn]))
+        self.begun = True
+        self.last_ray = None
+        self._show()
+        return self.episodes.observations()[0], only(self.episodes.info())
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        alpha, beta = self.circle[np.asarray(action)]
-        rows, columns = line(*map(int, (*alpha, *beta)))
-        met = np.flatnonzero(self.mask[rows, columns])
-        self.last_ray = rows[: met[0] + 1 if len(met) else None], columns
-        touch = (int(rows[met[0]]), int(columns[met[0]])) if len(met) else (MISS, MISS)
-        missed = not len(met)
-        repeated = not missed and bool(self.touches[touch])
-        before = self.jaccard if self.rays else 0.0
-        self.rays += 1
-        if self.reconstructor.free_space:
-            passed = met[0] if len(met) else None
-            self.felt[rows[:passed], columns[:passed]] = -1
-        if not missed:
-            self.touches[touch] = self.felt[touch] = 1
-        self.prediction = self.reconstructor.predict(self.felt[None])[0]
-        self.jaccard = float(jaccard_index(self.prediction, self.mask))
-        cast = Cast(
-            touches=np.array([touch], np.int16),
-            missed=np.array([missed]),
-            repeated=np.array([repeated]),
-            jaccard_before=np.array([before], np.float32),
-            jaccard=np.array([self.jaccard], np.float32),
-        )
-        terminated, truncated = self.ended()
-        info = {
-            "mask": self.index, "jaccard": self.jaccard, "touch": touch,
-            "missed": missed, "repeated": repeated,
-        }  # fmt: skip
-        return self.observe(), float(self.stage.reward(cast)[0]), terminated, truncated, info
-
-    def ended(self) -> tuple[bool, bool]:
-        """Whether the episode is terminated, and whether it is truncated."""
-        if self.stage.ends == "rays":
-            return self.rays >= self.count, False
-        terminated = int(self.touches.sum()) >= self.count
-        return terminated, not terminated and self.rays >= self.ray_limit
-
-    def observe(self) -> np.ndarray:
-        return np.stack([to_grey(self.prediction), self.touches * np.uint8(255)])
+        if not self.begun:
+            raise ResetNeeded("no episode has begun: call reset() before step()")
+        actions = np.asarray(action)[None]
+        cast, rewards, terminated, truncated = self.episodes.step(actions)
+        self.last_ray = self.interface.rays(actions, self.episodes.resolution)[0]
+        self._show()
+        return (
+            self.episodes.observations()[0], float(rewards[0]), bool(terminated[0]),
+            bool(truncated[0]), only(self.episodes.info(cast)),
+        )  # fmt: skip
 
     def render(self) -> np.ndarray | None:
-        """The mask in grey, the thresholded prediction in pink, the ray in white, touches in
-        yellow: (R, R, 3) uint8."""
-        if self.render_mode != "rgb_array":
-            return None
-        picture = np.where(self.mask, 120, 30)[..., None].repeat(3, axis=-1).astype(np.uint8)
-        predicted = self.prediction > THRESHOLD
-        picture[predicted] = picture[predicted] // 2 + np.array([127, 40, 90], np.uint8)
-        if self.last_ray:
-            rows, columns = self.last_ray
-            picture[rows, columns[: len(rows)]] = 255
-        picture[self.touches == 1] = (255, 230, 0)
-        return picture
+        """See `pictures.picture`, (R, R, 3) uint8; None where a window shows it or nothing does."""
+        if not self.begun:
+            raise ResetNeeded("there is nothing to show yet: call reset() before render()")
+        if self.render_mode == "rgb_array":
+            return picture(self.episodes.state, 0, self.last_ray)
+        self._show()
+        return None
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.window = self.window or Window()
+            self.window.show(picture(self.episodes.state, 0, self.last_ray))
+
+    def close(self) -> None:
+        if self.window:
+            self.window.close()
+            self.window = None
 
 
-gym.register(ENV_ID, entry_point="tactile_core.exploration.world.env:TactileEnv")
+def only(info: dict[str, Any]) -> dict[str, Any]:
+    """The info of one episode out of arrays of one."""
+    exploration = {name: array[0] for name, array in info["exploration"].items()}
+    return {key: plain(value[0]) for key, value in info.items() if key != "exploration"} | {
+        "exploration": exploration
+    }
+
+
+def plain(value: Any) -> Any:
+    """NumPy's numbers as Python's, so that they read, compare and go into JSON as such."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def checked_mode(render_mode: str | None) -> str | None:
+    """Raises `TactileError` where there is no such mode, or no window to be had."""
+    if render_mode not in (None, "rgb_array", "human"):
+        raise TactileError(f"render_mode={render_mode!r} is unknown: there are rgb_array and human")
+    if render_mode == "human" and (reason := window_missing()):
+        raise TactileError(
+            f'render_mode="human" needs a window ({reason}): take render_mode="rgb_array" and show '
+            "or store what render() returns"
+        )
+    return render_mode
+
+
+if ENV_ID not in gym.registry:  # where Gymnasium was imported after `tactile_core`
+    register_environment()

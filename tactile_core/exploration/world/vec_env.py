@@ -1,14 +1,15 @@
-"""The environment for training: many explorations in one batch, one U-Net pass a step."""
+"""The environment for training with Stable-Baselines3: many episodes in one batch, one U-Net pass
+a step. `vector_env` has the same for Gymnasium."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.utils.seeding import np_random
 from stable_baselines3.common.vec_env import VecEnv
 
-from tactile_core.exploration.world.circle import report_order
+from tactile_core.exploration.world.episodes import Episodes
+from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.rays import RAYS
 from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.state import Explorations
@@ -35,25 +36,36 @@ class BatchedTactileEnv(VecEnv):
         ray_limit: int = 100,
         reward_scale: float = 1.0,
         seed: int = 0,
+        interface: Interface = Interface(),  # noqa: B008 (frozen)
     ) -> None:
-        resolution = masks.shape[-1]
-        self.shapes = masks
-        self.stage = stage
-        self.count = count
-        self.ray_limit = ray_limit
+        self.episodes = Episodes(
+            environments, masks, reconstructor, stage, count=count, ray_limit=ray_limit,
+            interface=interface,
+        )  # fmt: skip
         self.reward_scale = reward_scale
-        self.order = report_order(resolution)
         self.generators = [np_random(seed + index)[0] for index in range(environments)]
-        self.drawn = np.zeros(environments, int)
         self.returns = np.zeros(environments, np.float32)
-        blank = np.zeros((environments, resolution, resolution), bool)
-        self.state = Explorations(blank, reconstructor)
         self.render_mode = None
+        resolution = self.episodes.resolution
         super().__init__(
             environments,
-            spaces.Box(0, 255, (2, resolution, resolution), np.uint8),
-            spaces.MultiDiscrete([len(self.order)] * 2),
+            interface.observation_space(resolution),
+            interface.action_space(resolution),
         )
+
+    @property
+    def stage(self) -> Stage:
+        return self.episodes.stage
+
+    @property
+    def state(self) -> Explorations:
+        """The explorations under way."""
+        return self.episodes.state
+
+    @property
+    def drawn(self) -> np.ndarray:
+        """The mask of each episode, (N,) int."""
+        return self.episodes.drawn
 
     def reset(self) -> np.ndarray:
         for index, seed in enumerate(self._seeds):
@@ -61,25 +73,22 @@ class BatchedTactileEnv(VecEnv):
                 self.generators[index] = np_random(seed)[0]
         self._reset_seeds()
         self.restart(np.arange(self.num_envs))
-        return self.state.observations()
+        return self.episodes.observations()
 
     def restart(self, which: np.ndarray) -> None:
         """New episodes on newly drawn masks in the environments at indices `which`."""
-        for index in which:
-            self.drawn[index] = self.generators[index].integers(len(self.shapes))
-        self.state.restart(which, self.shapes[self.drawn[which]])
+        drawn = [self.episodes.draw(self.generators[index]) for index in which]
+        self.episodes.begin(which, np.array(drawn, int))
         self.returns[which] = 0
 
     def step_async(self, actions: np.ndarray) -> None:
         self.actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        cast = self.state.cast(self.order[self.actions])
-        rewards = np.asarray(self.stage.reward(cast), np.float32)
-        terminated, truncated = self.ended()
+        _, rewards, terminated, truncated = self.episodes.step(self.actions)
         done = terminated | truncated
         self.returns += rewards
-        observations = self.state.observations()
+        observations = self.episodes.observations()
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         ended = np.flatnonzero(done)
         for index in ended:
@@ -92,15 +101,8 @@ class BatchedTactileEnv(VecEnv):
             }
         if len(ended):
             self.restart(ended)
-            observations[ended] = self.state.observations(ended)
+            observations[ended] = self.episodes.observations(ended)
         return observations, rewards * np.float32(self.reward_scale), done, infos
-
-    def ended(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which episodes are terminated and which are truncated, (N,) bool each."""
-        if self.stage.ends == "rays":
-            return self.state.rays >= self.count, np.zeros(self.num_envs, bool)
-        terminated = self.state.held >= self.count
-        return terminated, ~terminated & (self.state.rays >= self.ray_limit)
 
     def get_state(self) -> dict[str, Any]:
         """Everything that the coming episodes depend on, as plain arrays."""

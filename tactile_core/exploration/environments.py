@@ -1,0 +1,120 @@
+"""The environments by name: what `gymnasium.make` and `make_vec` call for
+
+    gymnasium.make("tactile_core:TactileExploration-v1")
+    gymnasium.make_vec("tactile_core:TactileExploration-v1", num_envs=256)
+
+`tactile_core` registers them.
+"""
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from upath import UPath
+
+from tactile_core.dataset.rendering.pictures import decode_masks
+from tactile_core.dataset.shapes import SPLITS
+from tactile_core.errors import TactileError
+from tactile_core.exploration.learning.approaches import find_approach
+from tactile_core.exploration.world.env import TactileEnv
+from tactile_core.exploration.world.interface import Interface
+from tactile_core.exploration.world.rewards import Stage
+from tactile_core.exploration.world.vector_env import TactileVectorEnv
+from tactile_core.files import read_table
+from tactile_core.home import find_artifacts
+from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.trained import TrainedUNet, load_unet
+
+AnyUNet = Reconstructor | TrainedUNet | str | os.PathLike | UPath
+
+
+def make_env(**arguments: Any) -> TactileEnv:
+    """The single environment: `environment_parts` and the arguments of `TactileEnv`."""
+    return TactileEnv(**environment_parts(**arguments))
+
+
+def make_vector_env(num_envs: int = 1, **arguments: Any) -> TactileVectorEnv:
+    """Many at once: `environment_parts` and the arguments of `TactileVectorEnv`."""
+    return TactileVectorEnv(num_envs, **environment_parts(**arguments))
+
+
+def environment_parts(
+    *,
+    masks: np.ndarray | None = None,
+    unet: AnyUNet | None = None,
+    split: str | None = None,
+    approach: str | Stage = "diff",
+    stage: int = 1,
+    actions: Any = "alpha and beta",
+    channels: Sequence[Any] = (),
+    **others: Any,
+) -> dict[str, Any]:
+    """The arguments of an environment out of those that are friendlier to give.
+
+    masks : (M, R, R) of 0 and 1; by default those of `split` ("train", "eval" or, by default,
+        "test") that the last run stored in the home
+    unet : the U-Net that reconstructs, or where it is stored; by default the last run's
+    approach, stage : whose reward and end, see `learning.approaches`: an approach by name with the
+        number of its stage, or a stage of your own
+    actions, channels : see `Interface`
+
+    Raises `TactileError` where one of them is unknown or not there.
+    """
+    if masks is not None and split is not None:
+        raise TactileError(f"masks= are given, so there is no split={split!r} to take: give one")
+    return {
+        "masks": default_masks(split or "test") if masks is None else masks,
+        "reconstructor": as_reconstructor(default_unet() if unet is None else unet),
+        "stage": approach if isinstance(approach, Stage) else stage_of(approach, stage),
+        "interface": Interface(actions, tuple(channels)),
+        **others,
+    }
+
+
+def stage_of(approach: str, number: int) -> Stage:
+    """Stage `number` (from 1) of an approach; raises `TactileError` where there is none."""
+    stages = find_approach(approach).stages
+    if not stages:
+        raise TactileError(f"approach {approach!r} has no reward: it learns the gains of rays")
+    if not 1 <= number <= len(stages):
+        raise TactileError(f"approach {approach!r} has stages 1 to {len(stages)}, not {number}")
+    return stages[number - 1]
+
+
+def as_reconstructor(unet: AnyUNet) -> Reconstructor:
+    """Ready to predict, from wherever it is."""
+    if isinstance(unet, Reconstructor):
+        return unet
+    return Reconstructor(unet if isinstance(unet, TrainedUNet) else load_unet(UPath(unet)))
+
+
+# Where nothing is given, environments are made of what lies in the home. What the package may ship
+# one day for a home without a run belongs into these two, too.
+
+
+def default_masks(split: str) -> np.ndarray:
+    """The masks of a split, (M, R, R) bool, that the last run stored."""
+    if split not in SPLITS:
+        raise TactileError(f"split={split!r} is unknown: choose from {', '.join(SPLITS)}")
+    table = read_table(of_the_run("rotated_splits.parquet"))
+    rows = table[table["split"] == split]
+    if rows.empty:
+        raise TactileError(f"the {split} split is empty: rotated_splits has too few models")
+    return decode_masks(rows["mask"])
+
+
+def default_unet() -> UPath:
+    """Where the last run stored its U-Net."""
+    return of_the_run("unet")
+
+
+def of_the_run(name: str) -> UPath:
+    """What a run stored under `name`; raises `TactileError` where none has."""
+    artifacts = UPath(find_artifacts())
+    if not (artifacts / name).exists():
+        raise TactileError(
+            f"no run has finished in {artifacts}: make one (make run; TACTILE_PROFILE=smoke make "
+            "run takes a minute and a half), or give masks= and unet="
+        )
+    return artifacts / name

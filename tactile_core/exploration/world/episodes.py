@@ -1,0 +1,109 @@
+"""N episodes in step: what the single and both batched environments have in common."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tactile_core.errors import TactileError
+from tactile_core.exploration.world.interface import Interface
+from tactile_core.exploration.world.rays import RAYS
+from tactile_core.exploration.world.rewards import Stage
+from tactile_core.exploration.world.state import Cast, Explorations
+from tactile_core.reconstruction.inference import Reconstructor
+
+
+class Episodes:
+    """Explorations of masks that are drawn from many, with a reward and an end.
+
+    masks : (M, R, R) bool, those that are drawn from
+    count, ray_limit : an episode is terminated after `count` rays (`stage.ends == "rays"`) or when
+        `count` touches are held ("touches"), and in the latter case truncated after `ray_limit`
+    drawn : (N,) int, the mask of each episode
+    state : the explorations
+    """
+
+    def __init__(
+        self,
+        number: int,
+        masks: np.ndarray,
+        reconstructor: Reconstructor,
+        stage: Stage,
+        *,
+        count: int = RAYS,
+        ray_limit: int = 100,
+        interface: Interface,
+    ) -> None:
+        self.masks = checked(masks)
+        self.stage = stage
+        self.count = count
+        self.ray_limit = ray_limit
+        self.interface = interface
+        self.drawn = np.zeros(number, int)
+        blank = np.zeros((number, *self.masks.shape[1:]), bool)
+        self.state = Explorations(blank, reconstructor)
+
+    @property
+    def resolution(self) -> int:
+        return self.state.resolution
+
+    def begin(self, which: np.ndarray, drawn: np.ndarray) -> None:
+        """New episodes at indices `which`, on the masks at indices `drawn`."""
+        self.drawn[which] = drawn
+        self.state.restart(which, self.masks[self.drawn[which]])
+
+    def draw(self, generator: np.random.Generator, options: Mapping[str, Any] | None = None) -> int:
+        """The mask of a new episode: that of `options`, else any.
+
+        Raises `TactileError` for other options, and where there is no such mask.
+        """
+        unknown = set(options or {}) - {"mask"}
+        if unknown:
+            raise TactileError(f"reset's options know no {min(unknown)!r}: there is 'mask'")
+        if not options:
+            return int(generator.integers(len(self.masks)))
+        mask = options["mask"]
+        if not isinstance(mask, int | np.integer) or not 0 <= mask < len(self.masks):
+            raise TactileError(
+                f"there is no mask {mask!r}: they go from 0 to {len(self.masks) - 1}"
+            )
+        return int(mask)
+
+    def step(self, actions: np.ndarray) -> tuple[Cast, np.ndarray, np.ndarray, np.ndarray]:
+        """One ray each, actions (N, 2) int: what it did, rewards (N,) float32, and which episodes
+        are terminated or truncated by it, (N,) bool each."""
+        cast = self.state.cast(self.interface.rays(actions, self.resolution))
+        return cast, np.asarray(self.stage.reward(cast), np.float32), *self.ended()
+
+    def ended(self) -> tuple[np.ndarray, np.ndarray]:
+        if self.stage.ends == "rays":
+            return self.state.rays >= self.count, np.zeros(len(self.state), bool)
+        terminated = self.state.held >= self.count
+        return terminated, ~terminated & (self.state.rays >= self.ray_limit)
+
+    def observations(self, which: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """What a policy sees, (N, channels, R, R) uint8."""
+        return self.interface.observe(self.state, which)
+
+    def info(self, cast: Cast | None = None) -> dict[str, Any]:
+        """What Gymnasium calls info, an array of N of each; see `TactileEnv`."""
+        info: dict[str, Any] = {
+            "mask": self.drawn.copy(),
+            "jaccard": self.state.jaccard.astype(float),
+            "exploration": self.state.get_state(),
+        }
+        if cast is not None:
+            info |= {"touch": cast.touches, "missed": cast.missed, "repeated": cast.repeated}
+        return info
+
+
+def checked(masks: np.ndarray) -> np.ndarray:
+    """Masks (M, R, R) of 0 and 1 as bool; raises `TactileError` where they are none."""
+    masks = np.asarray(masks)
+    if masks.ndim != 3 or not len(masks) or masks.shape[1] != masks.shape[2]:
+        raise TactileError(f"masks are of shape (M, R, R), at least one; these are {masks.shape}")
+    if masks.dtype != bool:
+        if not np.isin(masks, (0, 1)).all():
+            raise TactileError("masks hold 0 and 1; these hold other values")
+        masks = masks.astype(bool)
+    return masks
