@@ -92,7 +92,7 @@ def gather_policies(
 
     versions = {training.name: training.version for training in trained}
     curves = pd.concat(
-        read_table(store.path("policies", training.name, "curve.parquet")).assign(
+        read_table(store.path("policies", training.name, "curve.parquet"), "policies").assign(
             approach=training.approach, seed=training.seed
         )
         for training in trained

@@ -9,6 +9,7 @@ import pandas as pd
 from upath import UPath
 
 from tactile_assets.trainings import PlannedTraining
+from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, write_table, written_whole
 
@@ -59,19 +60,27 @@ class PolicyIndex(dg.UPathIOManager):
         from tactile_core.exploration.policies.store import describe
 
         try:
-            names = json.loads((path / "index.json").read_bytes())
-        except (FileNotFoundError, ValueError) as error:
+            data = (path / "index.json").read_bytes()
+            versions = json.loads(data, object_pairs_hook=each_once)
+        except (OSError, ValueError) as error:
             raise TactileError(f"{path} holds no trained policies: materialise policies") from error
-        if not isinstance(names, dict) or not all(map(is_entry, names.items())):
+        if not isinstance(versions, dict) or not all(map(is_entry, versions.items())):
             raise TactileError(f"{path}/index.json is damaged: materialise policies again")
-        for name, version in names.items():
+        for name, version in versions.items():
             description = describe(path / name)
             if (description.name, description.version) != (name, version):
                 raise TactileError(
                     f"{path / name} is of another training than index.json says: materialise "
                     "policies again"
                 )
-        return [path / name for name in names]
+        return [path / name for name in versions]
+
+
+def each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; raises `ValueError` where it names something twice, as a changed bit may."""
+    if len(dict(pairs)) < len(pairs):
+        raise ValueError("it names something twice")
+    return dict(pairs)
 
 
 def is_entry(entry: tuple[str, Any]) -> bool:
@@ -89,12 +98,12 @@ class Steps(dg.UPathIOManager):
 
     def dump_to_path(self, context: dg.OutputContext, obj: PlannedTraining, path: UPath) -> None:
         with written_whole(path) as file:
-            file.write(obj.model_dump_json().encode())
+            file.write(sealed_json(obj))
 
     def load_from_path(self, context: dg.InputContext, path: UPath) -> PlannedTraining:
         try:
-            return PlannedTraining.model_validate_json(path.read_bytes())
-        except ValueError as error:
+            return unsealed_json(path.read_bytes(), PlannedTraining)
+        except (OSError, ValueError) as error:
             raise TactileError(f"{path} is damaged: materialise policies again") from error
 
     def get_op_output_relative_path(self, context: dg.InputContext | dg.OutputContext) -> UPath:

@@ -4,6 +4,7 @@ They are read with torch's restricted loader, which knows tensors and plain valu
 somebody else put there can bring nothing else to life.
 """
 
+import io
 import logging
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from tactile_core.checksums import sealed, unsealed
 from tactile_core.files import written_whole
 
 logger = logging.getLogger(__name__)
@@ -20,8 +22,10 @@ ARRAY = "numpy array"  # the key of a dict that stands for one
 
 def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
     """Write `state` whole, under the `key` of all inputs and settings that it belongs to."""
+    saved = io.BytesIO()
+    torch.save({"key": key, "state": plain(state)}, saved)
     with written_whole(path) as file:
-        torch.save({"key": key, "state": plain(state)}, file)
+        file.write(sealed(saved.getvalue()))
 
 
 def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
@@ -29,7 +33,8 @@ def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
-        saved = torch.load(path, map_location="cpu", weights_only=True)
+        data = io.BytesIO(unsealed(path.read_bytes()))
+        saved = torch.load(data, map_location="cpu", weights_only=True)
         found, state = saved["key"], restored(saved["state"])
     except Exception as error:  # a damaged file can bring about any
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -16,7 +16,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from upath import UPath
 
-from tactile_core.errors import TactileError
+from tactile_core.checksums import is_whole_parquet, sealed_parquet
+from tactile_core.errors import DamagedError
 
 
 @contextlib.contextmanager
@@ -48,31 +49,37 @@ def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
 
 
 def write_table(table: pd.DataFrame, path: str | os.PathLike | UPath) -> None:
-    """Write `table` as one Parquet file, whole or not at all.
+    """Write `table` as one Parquet file with a checksum, whole or not at all.
 
     A column of (K, 2) arrays, such as outlines, is stored as lists of pairs.
     """
-    arrow = _to_arrow(table)
+    sink = pa.BufferOutputStream()
+    pq.write_table(_to_arrow(table), sink, compression="zstd")
     with written_whole(path) as file:
-        pq.write_table(arrow, file, compression="zstd")
+        for part in sealed_parquet(memoryview(sink.getvalue())):
+            file.write(part)
 
 
-def read_table(path: str | os.PathLike | UPath) -> pd.DataFrame:
-    """Read a Parquet file, a column of lists of pairs as (K, 2) arrays.
+def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.DataFrame:
+    """Read what `write_table` wrote, a column of lists of pairs as (K, 2) arrays.
 
-    Raises `TactileError` where the file is missing or damaged.
+    asset : that stores it; None: the one that the file is named after
+
+    Raises `DamagedError` where the file is missing, or a byte of it has changed.
     """
     source = UPath(path)
-    if not source.exists():
-        raise TactileError(f"{source} is missing: materialise the asset that writes it first")
+    remedy = f"materialise {asset or source.stem} again"
     try:
-        arrow = pq.read_table(io.BytesIO(source.read_bytes()))
-    except pa.ArrowInvalid as error:
-        raise TactileError(
-            f"{source} is not a readable Parquet file ({error}): delete it and "
-            "materialise its asset again"
-        ) from error
-    return _from_arrow(arrow)
+        data = source.read_bytes()
+    except FileNotFoundError as error:
+        missing = f"{source} is missing: materialise the asset that writes it first"
+        raise DamagedError(missing) from error
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise DamagedError(f"{source} cannot be read ({reason}): mend that, or {remedy}") from error
+    if not is_whole_parquet(data):
+        raise DamagedError(f"{source} is damaged, as its checksum tells: {remedy}")
+    return _from_arrow(pq.read_table(pa.BufferReader(data)))
 
 
 def table_hash(table: pd.DataFrame) -> str:

@@ -23,7 +23,10 @@ from tactile_core.settings import Settings
 CORE = "tactile_core"
 FOLDER = Path(__file__).resolve().parent
 # Every module imports these, and what they do shows in the settings and in the content itself.
-APART = {f"{CORE}.{name}" for name in ("settings", "errors", "files", "keys", "value_versions")}
+APART = {
+    f"{CORE}.{name}"
+    for name in ("settings", "errors", "files", "checksums", "keys", "value_versions")
+}
 NAMED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 # Libraries that are installed under another name than they are imported by.
 INSTALLED_AS = {"skimage": "scikit-image", "PIL": "pillow"}

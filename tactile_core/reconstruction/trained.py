@@ -1,6 +1,5 @@
 """A trained U-Net as a value, and as files: safetensors weights beside a JSON of settings."""
 
-import json
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,6 +12,7 @@ from safetensors import SafetensorError
 from torch import Tensor
 from upath import UPath
 
+from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
@@ -115,19 +115,25 @@ def save_unet(unet: TrainedUNet, directory: UPath) -> None:
     write_table(unet.curve, directory / "curve.parquet")
     write_table(unet.trained_on, directory / "trained_on.parquet")
     with written_whole(directory / "settings.json") as file:
-        file.write(description.model_dump_json(indent=2).encode())
+        file.write(sealed_json(description))
 
 
 def load_unet(directory: UPath) -> TrainedUNet:
     """Read what `save_unet` wrote; raises `TactileError` where it is missing or damaged."""
     try:
-        description = StoredUNet(**json.loads((directory / "settings.json").read_bytes()))
-        weights = safetensors.torch.load((directory / "model.safetensors").read_bytes())
+        description = unsealed_json((directory / "settings.json").read_bytes(), StoredUNet)
+        data = (directory / "model.safetensors").read_bytes()
+        if content_hash(data, description.resolution) != description.version:
+            raise ValueError("these are not the weights that settings.json tells of")
+        weights = safetensors.torch.load(data)
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no trained U-Net: materialise unet first") from error
-    except (ValueError, TypeError, SafetensorError) as error:
+    except (OSError, ValueError, SafetensorError) as error:
         reason = problems(error) if isinstance(error, ValidationError) else error
-        raise TactileError(f"{directory} is damaged ({reason}): materialise unet again") from error
+        raise TactileError(
+            f"{directory} is damaged, or its files are of two trainings ({reason}): "
+            "materialise unet again"
+        ) from error
     known = weights.pop(PACKED_SHAPES, None)
     unet = TrainedUNet(
         weights=weights,
@@ -136,13 +142,10 @@ def load_unet(directory: UPath) -> TrainedUNet:
         channels=description.channels,
         settings=description.settings.model_dump(),
         scores=description.scores,
-        curve=read_table(directory / "curve.parquet"),
-        trained_on=read_table(directory / "trained_on.parquet"),
+        curve=read_table(directory / "curve.parquet", "unet"),
+        trained_on=read_table(directory / "trained_on.parquet", "unet"),
         known=None if known is None else known.numpy(),
     )
-    if (unet.version(), table_hash(unet.trained_on)) != (
-        description.version,
-        description.trained_on,
-    ):
+    if table_hash(unet.trained_on) != description.trained_on:
         raise TactileError(f"{directory}: its files are of two trainings: materialise unet again")
     return unet

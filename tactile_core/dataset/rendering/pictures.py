@@ -6,6 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 from PIL import Image
 
+from tactile_core.errors import TactileError
+
 
 def encode_mask(mask: np.ndarray) -> bytes:
     """A (R, R) bool mask as the bytes of a 1-bit PNG."""
@@ -15,5 +17,14 @@ def encode_mask(mask: np.ndarray) -> bytes:
 
 
 def decode_masks(pictures: Iterable[bytes]) -> np.ndarray:
-    """PNG bytes of N masks of one resolution as a (N, R, R) bool array."""
-    return np.stack([np.asarray(Image.open(io.BytesIO(png))) != 0 for png in pictures])
+    """PNG bytes of N masks of one resolution as a (N, R, R) bool array.
+
+    Raises `TactileError` where one cannot be read.
+    """
+    try:
+        return np.stack([np.asarray(Image.open(io.BytesIO(png))) != 0 for png in pictures])
+    except (OSError, SyntaxError, ValueError, TypeError) as error:
+        raise TactileError(
+            f"a mask is no picture as the others are ({error}): materialise masks and "
+            "rotated_splits again"
+        ) from error

@@ -20,7 +20,7 @@ from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.sources.parsing import load_mesh
-from tactile_core.errors import TactileError
+from tactile_core.errors import DamagedError, TactileError
 from tactile_core.keys import work_key
 from tactile_core.machine import processors
 from tactile_core.settings import MaskSettings
@@ -33,9 +33,10 @@ MESHES_PER_OSMESA_WORKER = 150  # OSMesa leaks about 0.7 MB a render: its proces
 
 
 class Job(NamedTuple):
-    """One mesh file and the in-plane rotations, in degrees, at which to render it."""
+    """One mesh file, its content hash, and the in-plane rotations, in degrees, to render it at."""
 
     file: str
+    version: str
     rotations: tuple[float, ...]
 
 
@@ -56,7 +57,8 @@ def render_masks(
     workers : processes at most; None: as many as there are CPUs for this process
 
     A mesh that cannot be loaded, or that covers no pixel, is set aside: its status is the
-    reason and its mask is null. Raises `TactileError` where no mask is left.
+    reason and its mask is null. Raises `TactileError` where no mask is left, or a file is gone or
+    has changed since it was collected.
     """
     wanted = meshes.loc[meshes["status"] == "ok"].reset_index(drop=True).assign(rotation=0.0)
     if settings.renderer == "auto" and opengl.working_platform() is None:
@@ -99,8 +101,8 @@ def draw(
         drawn = dict(zip(same["key"], same["mask"], strict=True))
     missing = [key not in drawn for key in keys]
     if any(missing):
-        files = wanted[missing].groupby("file", sort=False)["rotation"]
-        jobs = [Job(file, tuple(rotations)) for file, rotations in files]
+        files = wanted[missing].groupby(["file", "content_hash"], sort=False)["rotation"]
+        jobs = [Job(file, version, tuple(angles)) for (file, version), angles in files]
         results = render_jobs(jobs, root, settings, progress, workers)
         new = {
             (job.file, rotation): mask
@@ -167,7 +169,9 @@ def render_jobs(
 def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list[bytes | str]:
     """The masks of one mesh as PNG bytes, or the reason, for each of the job's rotations."""
     try:
-        mesh = load_mesh(root, job.file)
+        mesh = load_mesh(root, job.file, job.version)
+    except DamagedError:  # nothing is wrong with the mesh: the store must be mended
+        raise
     except TactileError as error:  # tables hold no absolute paths
         return [str(error).replace(str(root / job.file), job.file)] * len(job.rotations)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)

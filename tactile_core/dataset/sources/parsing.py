@@ -12,7 +12,8 @@ from tactile_core.dataset.sources.ply import read_ply
 from tactile_core.dataset.sources.sightings import without_unseen
 from tactile_core.dataset.sources.stl import read_stl
 from tactile_core.dataset.sources.strangers import stranger
-from tactile_core.errors import TactileError
+from tactile_core.errors import DamagedError, TactileError
+from tactile_core.files import content_hash
 
 READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off, ".glb": read_glb}
 
@@ -42,16 +43,27 @@ def parse_mesh(data: bytes, suffix: str) -> trimesh.Trimesh:
         raise TactileError(f"cannot be read as {suffix[1:].upper()} ({one_line(error)})") from error
 
 
-def load_mesh(root: UPath, file: str) -> trimesh.Trimesh:
+def load_mesh(root: UPath, file: str, version: str | None = None) -> trimesh.Trimesh:
     """The mesh at `file` below `root`, centred on its bounding box and scaled to diagonal 1.
 
-    Materials are not loaded. Raises `TactileError` where the mesh cannot be used.
+    version : the content hash that the manifest holds; None: whatever is there
+
+    Materials are not loaded. Raises `DamagedError` where the file is missing or has changed since
+    it was collected, and `TactileError` where the mesh cannot be used.
     """
     path = root / file
     try:
-        return parse_mesh(path.read_bytes(), path.suffix)
+        data = path.read_bytes()
     except FileNotFoundError as error:
-        raise TactileError(f"{path} is missing: materialise shapenet_meshes again") from error
+        raise DamagedError(f"{path} is missing: materialise shapenet_meshes again") from error
+    except OSError as error:
+        raise DamagedError(f"{path} cannot be read ({one_line(error)})") from error
+    if version is not None and content_hash(data) != version:
+        raise DamagedError(
+            f"{path} has changed since it was collected: materialise shapenet_meshes again"
+        )
+    try:
+        return parse_mesh(data, path.suffix)
     except TactileError as error:
         raise TactileError(f"{path} {error}: materialise shapenet_meshes again") from error
 

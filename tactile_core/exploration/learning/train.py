@@ -16,6 +16,7 @@ from tactile_core.exploration.learning.ppo import train_ppo
 from tactile_core.exploration.learning.sequence import best_sequence
 from tactile_core.exploration.policies.ppo import net_weights
 from tactile_core.exploration.policies.store import (
+    CURVE,
     FOR_SB3,
     RAYS_OF_SEQUENCE,
     StoredPolicy,
@@ -25,7 +26,7 @@ from tactile_core.exploration.policies.store import (
     trained_on,
     weights_version,
 )
-from tactile_core.files import table_hash, written_whole
+from tactile_core.files import read_table, table_hash, written_whole
 from tactile_core.keys import work_key
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES, pack
@@ -122,6 +123,7 @@ def finished(directory: UPath, key: str) -> str | None:
         description = describe(directory)
         read_weights(directory, description)
         trained_on([directory])
+        read_table(directory / CURVE, "policies")
     except TactileError:
         return None
     return description.version if description.key == key else None

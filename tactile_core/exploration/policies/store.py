@@ -15,8 +15,9 @@ from safetensors import SafetensorError
 from torch import Tensor
 from upath import UPath
 
+from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.errors import TactileError
-from tactile_core.exploration.policies.base import Policy, weights_version
+from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.ppo import PPOPolicy, net_with
 from tactile_core.exploration.policies.recall import RecallPolicy, load_known_shapes
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
@@ -49,18 +50,11 @@ class StoredPolicy(Settings):
     key: str
     version: str
     trained_on: str
-    seal: str = ""
 
     @property
     def name(self) -> str:
         """Of its directory."""
         return f"{self.approach}-{self.seed}"
-
-    def sealed(self) -> "StoredPolicy":
-        """The same with a hash of all the rest, so that none of it can be another policy's."""
-        return self.model_copy(
-            update={"seal": content_hash(self.model_dump_json(exclude={"seal"}))}
-        )
 
 
 def save_policy(
@@ -76,35 +70,32 @@ def save_policy(
     write_table(curve, directory / CURVE)
     write_table(trained_on, directory / TRAINED_ON)
     with written_whole(directory / DESCRIPTION) as file:
-        file.write(description.sealed().model_dump_json(indent=2).encode())
+        file.write(sealed_json(description))
 
 
 def describe(directory: UPath) -> StoredPolicy:
     """What is stored in `directory`; raises `TactileError` where it is missing or damaged."""
     try:
-        description = StoredPolicy.model_validate_json((directory / DESCRIPTION).read_bytes())
+        return unsealed_json((directory / DESCRIPTION).read_bytes(), StoredPolicy)
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
     except ValidationError as error:
         raise damaged(directory, problems(error)) from error
-    if description.sealed() != description:
-        raise damaged(directory, f"{DESCRIPTION} was altered")
-    return description
+    except (OSError, ValueError) as error:
+        raise damaged(directory, f"{DESCRIPTION} {error}") from error
 
 
 def read_weights(directory: UPath, description: StoredPolicy) -> dict[str, Tensor]:
     """The tensors that `description` speaks of; raises `TactileError` where they are others."""
     try:
-        tensors = safetensors.torch.load((directory / WEIGHTS).read_bytes())
+        data = (directory / WEIGHTS).read_bytes()
+        if content_hash(data) != description.version:
+            raise ValueError("or its weights and settings are of two trainings")
+        return safetensors.torch.load(data)
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
-    except (ValueError, SafetensorError) as error:
+    except (OSError, ValueError, SafetensorError) as error:
         raise damaged(directory, str(error)) from error
-    if weights_version(tensors) != description.version:
-        raise TactileError(
-            f"{directory}: weights and settings are of two trainings: materialise policies again"
-        )
-    return tensors
 
 
 def trained_on(directories: Iterable[UPath]) -> dict[str, pd.DataFrame]:
@@ -114,7 +105,7 @@ def trained_on(directories: Iterable[UPath]) -> dict[str, pd.DataFrame]:
     """
     tables = {}
     for directory in directories:
-        table = read_table(directory / TRAINED_ON)
+        table = read_table(directory / TRAINED_ON, "policies")
         if table_hash(table) != describe(directory).trained_on:
             raise damaged(directory, f"{TRAINED_ON} is another policy's")
         tables[f"policy {directory.name}"] = table

@@ -15,7 +15,7 @@ from tactile_core.dataset.rendering.silhouettes import EMPTY, render_masks
 from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.dataset.splits import rotate_splits, split_models
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.files import content_hash, read_table, table_hash, write_table
 from tactile_core.settings import LARGEST_SEED, MaskSettings, SplitSettings
 
 MASKS = MaskSettings(resolution=64, renderer="rasteriser")
@@ -117,7 +117,7 @@ def collected(tmp_path_factory):
             "model_id": [f"m{number}" for number in range(9)],
             "category": ["mug"] * 5 + ["bottle"] * 4,
             "file": [f"{number}.obj" for number in range(9)],
-            "content_hash": [f"hash{number}" for number in range(9)],
+            "content_hash": [content_hash((root / f"{n}.obj").read_bytes()) for n in range(9)],
             "geometry": [f"geometry{number}" for number in range(9)],
             "status": "ok",
         }
@@ -172,14 +172,16 @@ def test_samples_that_stay_are_not_rendered_again(collected):
 
 def test_a_mesh_that_changed_after_its_mask_is_refused(collected):
     root, meshes, masks = collected
-    newer = meshes.assign(content_hash=meshes["content_hash"].replace("hash4", "other"))
+    newer = meshes.assign(
+        content_hash=meshes["content_hash"].where(meshes["model_id"] != "m4", "other")
+    )
     with pytest.raises(TactileError, match=r"model m4 .*changed.*materialise masks again"):
         rotated((root, newer, masks))
 
 
 def test_a_mesh_file_that_is_gone_is_refused(collected, tmp_path):
     _, meshes, masks = collected
-    with pytest.raises(TactileError, match=r"5.obj can no longer be rendered"):
+    with pytest.raises(TactileError, match=r"5.obj is missing: materialise shapenet_meshes"):
         rotated((UPath(tmp_path), meshes, masks))
 
 
@@ -194,6 +196,10 @@ def test_a_rotation_that_shows_no_pixel_is_left_out(collected, tmp_path):
     root, meshes, masks = collected
     sheet = UPath(tmp_path) / "sheet.obj"
     sheet.write_text("v 0 -0.5 0\nv 0 0.5 0\nv 0.1 0 0.1\nf 1 2 3\n")
+    version = content_hash(sheet.read_bytes())
+    meshes, masks = (
+        some.assign(content_hash=[*some["content_hash"][:-1], version]) for some in (meshes, masks)
+    )
     meshes = meshes.assign(file=[str(root / file) for file in meshes["file"][:-1]] + [str(sheet)])
     messages = []
     samples = rotated((UPath("/"), meshes, masks), progress=messages.append)

@@ -11,7 +11,7 @@ from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.rendering.silhouettes import EMPTY, render_masks
 from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.files import content_hash, read_table, table_hash, write_table
 from tactile_core.settings import MaskSettings
 
 SETTINGS = MaskSettings(resolution=64, renderer="rasteriser")
@@ -31,16 +31,16 @@ def write_meshes(root, count=6):
         file = f"0/{number}/model.obj"
         (root / file).parent.mkdir(parents=True, exist_ok=True)
         (root / file).write_text(mesh.export(file_type="obj"))
-        rows.append(row(file, f"m{number}"))
+        rows.append(row(root, file, f"m{number}"))
     return pd.DataFrame(rows)
 
 
-def row(file, model_id, status="ok"):
+def row(root, file, model_id, status="ok"):
     return {
         "model_id": model_id,
         "category": "mug",
         "file": file,
-        "content_hash": f"hash of {model_id}",
+        "content_hash": content_hash((root / file).read_bytes()),
         "geometry": f"geometry of {model_id}",
         "status": status,
     }
@@ -49,7 +49,7 @@ def row(file, model_id, status="ok"):
 def added(meshes, root, model_id, text, status="ok"):
     """The manifest with one more mesh, whose file holds `text`."""
     (root / f"{model_id}.obj").write_text(text)
-    return pd.concat([meshes, pd.DataFrame([row(f"{model_id}.obj", model_id, status)])])
+    return pd.concat([meshes, pd.DataFrame([row(root, f"{model_id}.obj", model_id, status)])])
 
 
 @pytest.fixture
@@ -115,7 +115,9 @@ def test_unchanged_meshes_are_not_even_loaded_again(root):
     changed = meshes["model_id"] == "m3"
     for file in meshes.loc[~changed, "file"]:
         (root / file).unlink()
-    newer = meshes.assign(content_hash=meshes["content_hash"].mask(changed, "another hash"))
+    (root / "0/3/model.obj").write_text((root / "0/3/model.obj").read_text() + "# said anew\n")
+    anew = content_hash((root / "0/3/model.obj").read_bytes())
+    newer = meshes.assign(content_hash=meshes["content_hash"].mask(changed, anew))
     messages = []
     second = render_masks(newer, root, SETTINGS, first, messages.append)
     assert set(second["status"]) == {"ok"}
@@ -123,10 +125,21 @@ def test_unchanged_meshes_are_not_even_loaded_again(root):
     assert second["mask"].tolist() == first["mask"].tolist()
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_mesh_file_that_was_altered_since_it_was_collected_is_named(root, workers):
+    meshes = write_meshes(root)
+    altered = root / "0/3/model.obj"
+    altered.write_text(trimesh.creation.box().export(file_type="obj"))
+    with pytest.raises(TactileError, match=r"0/3/model.obj has changed since .* shapenet_meshes"):
+        render_masks(meshes, root, SETTINGS, workers=workers)
+
+
 def test_another_resolution_or_a_mesh_set_aside_is_rendered_again(root):
     meshes = added(write_meshes(root, 2), root, "broken", "")
     first = render_masks(meshes, root, SETTINGS)
     (root / "broken.obj").write_text(trimesh.creation.box().export(file_type="obj"))
+    mended = row(root, "broken.obj", "broken")
+    meshes = pd.concat([meshes[meshes["model_id"] != "broken"], pd.DataFrame([mended])])
     second = render_masks(meshes, root, SETTINGS, first)
     assert (second["status"] == "ok").all()
     larger = render_masks(meshes, root, MaskSettings(resolution=96, renderer="rasteriser"), second)
