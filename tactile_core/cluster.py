@@ -47,10 +47,11 @@ def running_ray(concurrent: int, token: Path) -> Iterator[None]:
         check_answers(address)
         ray.init(address, log_to_driver=False, logging_level=logging.ERROR)
     else:
-        # Where no mode is set Ray asks for a token. It reads a secret once in a process.
+        # Where no mode is set Ray asks for a token. What it remembers may be another home's.
         os.environ["RAY_AUTH_TOKEN_PATH"] = str(ready_token(token))
         for name in ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN"):
             os.environ.pop(name, None)
+        forget_token()
         ray.init(
             "local",
             num_cpus=max(concurrent, processors()),
@@ -63,6 +64,13 @@ def running_ray(concurrent: int, token: Path) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
+
+
+def forget_token() -> None:
+    """Have Ray read its token anew: it remembers the first, and has no public way to forget it."""
+    from ray._raylet import AuthenticationTokenLoader  # type: ignore[attr-defined]
+
+    AuthenticationTokenLoader.instance().reset_cache()
 
 
 def ready_token(path: Path) -> Path:

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
 from tactile_core.addresses import redacted, setting_of
 from tactile_core.errors import TactileError
@@ -66,7 +65,7 @@ def problems(error: ValidationError) -> str:
     return redacted(said)
 
 
-def given(problem: ErrorDetails) -> str:
+def given(problem: Mapping[str, Any]) -> str:
     """The value that was given; nothing where none was, as pydantic then gives all the others."""
     return "" if problem["type"] == "missing" else f" = {redacted(repr(problem['input'])):.200}"
 

@@ -57,9 +57,11 @@ def split_models(masks: pd.DataFrame, settings: SplitSettings) -> pd.DataFrame:
     split_of: dict[str, str] = {}
     for _, models in queue.groupby("category", sort=True):
         deal(models["copy_of"], settings, split_of)
-    for split in ("test", "eval"):  # every category may be too small to fill it
+    for split in ("train", "test", "eval"):  # every category may be too small to fill it
         if split not in split_of.values():
-            split_of[smallest(queue["copy_of"], split_of)] = split
+            donor, count = Counter(sorted(split_of.values(), reverse=True)).most_common(1)[0]
+            assert count > 1  # there are three objects, and one split is empty
+            split_of[smallest(queue["copy_of"], split_of, donor)] = split
     table = queue.assign(split=queue["copy_of"].map(split_of)).drop(columns="rank")
     return table.sort_values(["category", "model_id"]).reset_index(drop=True)
 
@@ -79,14 +81,14 @@ def deal(objects: pd.Series, settings: SplitSettings, split_of: dict[str, str]) 
     split_of |= {name: "train" for name in own if name not in split_of}
     if objects.nunique() >= 3:
         for split in ("test", "eval"):
-            if not held[split]:
-                name = smallest(objects, split_of)
-                split_of[name] = split
+            in_train = {name for name in own if split_of[name] == "train"}
+            if not held[split] and len(in_train) > 1:
+                split_of[smallest(objects[objects.isin(in_train)], split_of, "train")] = split
 
 
-def smallest(objects: pd.Series, split_of: dict[str, str]) -> str:
-    """The train object of fewest copies, the first of those in the order of the queue."""
-    sizes = objects[objects.map(split_of) == "train"].value_counts(sort=False)
+def smallest(objects: pd.Series, split_of: dict[str, str], donor: str) -> str:
+    """The object of a split with fewest copies, the first of those in the order of the queue."""
+    sizes = objects[objects.map(split_of) == donor].value_counts(sort=False)
     return str(sizes.idxmin())
 
 

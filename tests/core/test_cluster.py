@@ -19,6 +19,14 @@ import ray, sys
 ray.init(sys.argv[1], log_to_driver=False)
 print(ray.get(ray.remote(lambda: "ran code")._remote()))
 """
+TWO_HOMES = """
+import ray, sys
+from pathlib import Path
+from tactile_core.cluster import running_ray
+for home in (1, 2):
+    with running_ray(1, Path(sys.argv[1], str(home), "ray-token")):
+        print(ray.get(ray.remote(lambda: home)._remote()))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +73,15 @@ def test_who_has_the_token_can(address, ray_token, tmp_path):
     friend = join(address, tmp_path, RAY_AUTH_MODE="token", RAY_AUTH_TOKEN_PATH=token)
     assert friend.stdout.endswith("ran code\n"), friend.stderr
     assert not (tmp_path / ".ray").exists()
+
+
+def test_one_process_may_use_the_rays_of_two_homes(tmp_path):
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+    command = [sys.executable, "-c", TWO_HOMES, str(tmp_path)]
+    done = subprocess.run(
+        command, env=plain, capture_output=True, text=True, timeout=200, check=False
+    )
+    assert done.stdout == "1\n2\n", done.stderr
 
 
 @pytest.fixture

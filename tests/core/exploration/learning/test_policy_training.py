@@ -399,7 +399,7 @@ def test_a_description_with_something_else_in_it_is_told_in_one_line(train, unet
 
 @pytest.mark.parametrize(
     "altered",
-    [{"approach": "gain"}, {"seed": 1}, {"settings": QUICK.model_dump() | {"discount": 0.5}}],
+    [{"approach": "gain"}, {"seed": 1}, {"settings": QUICK.model_dump() | {"discount": 0.9}}],
 )
 def test_a_description_that_was_altered_is_found(train, unet, tmp_path, altered):
     train("diff")
