@@ -14,6 +14,7 @@ from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.learning.gain_learner import train_scorer
 from tactile_core.exploration.learning.ppo import train_ppo
 from tactile_core.exploration.learning.sequence import best_sequence
+from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.ppo import net_weights
 from tactile_core.exploration.policies.store import (
     CURVE,
@@ -24,7 +25,6 @@ from tactile_core.exploration.policies.store import (
     read_weights,
     save_policy,
     trained_on,
-    weights_version,
 )
 from tactile_core.files import read_table, table_hash, written_whole
 from tactile_core.keys import work_key
