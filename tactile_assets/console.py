@@ -11,6 +11,7 @@ from typing import Any
 
 import dagster as dg
 
+OURS = ("tactile_core.", "tactile_assets.")  # what is raised there is a sentence for the user
 WIDTH = 26  # of the longest step name
 
 
@@ -66,10 +67,10 @@ def event_text(event: dg.DagsterEvent) -> str:
 
 
 def reason(error: Any) -> str:
-    """The message of a TactileError as it is; of any other error its first cause and the place."""
+    """The message of an error of ours as it is; of any other its first cause and the place."""
     while error:
         kind, _, message = error.message.strip().partition(": ")
-        if kind.endswith("TactileError"):
+        if kind.startswith(OURS):
             return message
         innermost, error = error, error.cause
     place = innermost.stack[-1].strip().splitlines()[0] if innermost.stack else ""
