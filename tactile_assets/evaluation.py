@@ -70,7 +70,7 @@ def rollouts(
 
     Reference policies stand beside the trained ones: `random`, as in the report; `even`, a fixed
     sweep; `coverage` and `uncertainty`, which look at the reconstruction; and `oracle`, which
-    knows the shape and takes, of 396 rays, the one that gains most. `recall` tries the best rays of
+    knows the mask and takes, of 396 rays, the one that gains most. `recall` tries the best rays of
     `gain` on train shapes that agree with what was felt. Both evaluations read this table. What a
     policy cast before is kept as long as it, the U-Net, the shapes and the settings are the same.
     """
