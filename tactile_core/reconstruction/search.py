@@ -122,13 +122,8 @@ def run_trials(
 
 def search_space(settings: SearchSettings) -> dict[str, Any]:
     """Report, Table I: the four hyperparameters. BOHB ignores quantised ranges, so choices."""
-    lowest, highest = settings.learning_rate
-    if lowest >= highest:
-        raise TactileError(
-            f"learning_rate [{lowest}, {highest}] is no range: give the lower end first"
-        )
     return {
-        "learning_rate": tune.loguniform(lowest, highest),
+        "learning_rate": tune.loguniform(*settings.learning_rate),
         "batch_size": tune.choice(settings.batch_sizes),
         "depth": tune.choice(settings.depths),
         "channels": tune.choice(settings.channels),

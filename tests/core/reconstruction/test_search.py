@@ -163,11 +163,6 @@ def test_a_trial_that_fails_after_a_good_report_cannot_win(search, tmp_path, mon
         search(tmp_path / "work", some.model_copy(update={"depths": [2], "trials": 1}))
 
 
-def test_a_range_that_is_none_is_refused(search, tmp_path):
-    with pytest.raises(TactileError, match="is no range"):
-        search(tmp_path, SETTINGS.model_copy(update={"learning_rate": [1e-2, 1e-3]}))
-
-
 def test_a_trial_gets_no_more_than_one_node_has(monkeypatch):
     def nodes(*resources):
         monkeypatch.setattr(
