@@ -4,12 +4,11 @@ import sys
 import warnings
 from types import TracebackType
 
-from dagster import BetaWarning
-
 from tactile_core.errors import TactileError
 
-# Of no use to whoever runs a pinned Dagster; `--select '*'` alone sets one off.
-warnings.filterwarnings("ignore", category=BetaWarning)
+# Of no use to whoever runs a pinned Dagster; `--select '*'` alone sets one off. Its category is not
+# imported: `tactile --help` lists commands of this package, and Dagster takes a second or two.
+warnings.filterwarnings("ignore", message=".* is currently in beta")
 
 _others = sys.excepthook
 

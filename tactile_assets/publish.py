@@ -1,14 +1,12 @@
-"""Publish a run: `python -m tactile_assets.publish NAME` after `make run`.
+"""Publish a run: `tactile publish NAME` after `make run`.
 
 Copies the tables and figures of the stored assets to docs/results/NAME, with the command,
-commit, machine and time that made them. `python -m tactile_assets.publish` alone only writes anew
+commit, machine and time that made them. `tactile publish` alone only writes anew
 the page of every published run, and the README's results from docs/results/study, or
 docs/results/laptop where that is not there; a test holds both to it.
 """
 
-import argparse
 import json
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -28,7 +26,7 @@ from tactile_core.files import read_table
 
 RESULTS = REPOSITORY / "docs" / "results"
 README = REPOSITORY / "README.md"
-BEGIN, END = "<!-- results: python -m tactile_assets.publish -->", "<!-- end of results -->"
+BEGIN, END = "<!-- results: tactile publish -->", "<!-- end of results -->"
 
 
 def publish(name: str, note: str | None = None) -> None:
@@ -115,20 +113,15 @@ def with_results(readme: str, results: str) -> str:
     return f"{before}{BEGIN}\n\n{results}\n\n{END}{after}"
 
 
-def main(arguments: list[str]) -> None:
-    parser = argparse.ArgumentParser("python -m tactile_assets.publish", description=__doc__)
-    parser.add_argument("name", nargs="?", help="folder below docs/results for the last run")
-    parser.add_argument("--note", help="what else to know of this run, in a sentence")
-    given = parser.parse_args(arguments)
-    if given.name:
-        publish(given.name, given.note)
+def main(name: str | None, note: str | None) -> None:
+    """Publish the last run as `name`, if any, and write the pages of all that are published.
+
+    Raises `TactileError` where there is no checkout to write them into.
+    """
+    if not README.is_file():
+        raise TactileError("publish writes into docs/results of a checkout: run it in one")
+    if name:
+        publish(name, note)
     for run in sorted(RESULTS.glob("*/run.json")):
         (run.parent / "README.md").write_text(page(run.parent))
     README.write_text(with_results(README.read_text(), readme_part(shown_run())))
-
-
-if __name__ == "__main__":
-    try:
-        main(sys.argv[1:])
-    except TactileError as error:
-        sys.exit(str(error))

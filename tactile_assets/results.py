@@ -1,6 +1,5 @@
-"""The results on the screen, as `make run` ends: `python -m tactile_assets.results`."""
+"""The results on the screen, as `make run` ends: `tactile results`."""
 
-import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,7 +8,6 @@ import pandas as pd
 from tactile_assets.config import PROFILE
 from tactile_assets.provenance import how_made, own_instance
 from tactile_assets.resources import Store
-from tactile_core.errors import TactileError
 from tactile_core.evaluation.tables import (
     PolicyResults,
     policy_results,
@@ -70,10 +68,3 @@ def results_of(table: pd.DataFrame, made: Mapping[str, Any]) -> PolicyResults:
 
 def heading(text: str) -> None:
     print(f"\n{text}\n")
-
-
-if __name__ == "__main__":
-    try:
-        main()
-    except TactileError as error:
-        sys.exit(str(error))

@@ -72,6 +72,12 @@ def test_imports_go_down_the_stair_inside_a_wing(module):
             )
 
 
+def test_nothing_below_imports_a_command():
+    for module, file in CORE.items():
+        if part(module, 1) not in ("commands", "__main__"):
+            assert not any(part(name, 1) == "commands" for name in imported(file)), module
+
+
 def test_no_module_imports_in_a_circle():
     waiting = {
         module: {name for name in imported(file) if name in CORE and name != module}

@@ -127,10 +127,10 @@ def test_figures_lie_in_the_store(chain):
 
 
 def test_the_results_are_printed_with_where_to_look_further(chain):
-    done = shell("python -m tactile_assets.results", chain.home)
+    done = shell("python -m tactile_core results", chain.home)
     assert done.returncode == 0, done.stderr
     # The run's own profile and intervals, whatever the shell names now.
-    elsewhere = shell("python -m tactile_assets.results", chain.home, TACTILE_PROFILE="laptop")
+    elsewhere = shell("python -m tactile_core results", chain.home, TACTILE_PROFILE="laptop")
     assert elsewhere.stdout == done.stdout
     assert "Profile smoke" in done.stdout
     for text in ("Table II", "Per step", "Per grasp", "oracle", "gain", "recall", "make ui"):
@@ -139,7 +139,7 @@ def test_the_results_are_printed_with_where_to_look_further(chain):
 
 
 def test_results_that_are_not_there_are_missed_in_one_line(tmp_path):
-    done = shell("python -m tactile_assets.results", tmp_path)
+    done = shell("python -m tactile_core results", tmp_path)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1 and "materialise" in done.stderr
 

@@ -16,7 +16,7 @@ def runs_recorded(home) -> int:
 
 @pytest.mark.parametrize(
     "command",
-    [MESHES, "python -m tactile_assets.results", "python -m tactile_assets.publish x", "true"],
+    [MESHES, "python -m tactile_core results", "python -m tactile_core publish x", "true"],
 )
 def test_a_home_that_cannot_be_made_stops_activation_and_every_command(tmp_path, command):
     (tmp_path / "file").write_text("")
@@ -62,9 +62,9 @@ def test_sourcing_twice_halves_the_threads_once(tmp_path):
 
 
 def test_an_unknown_profile_is_told_in_one_line_by_every_command(tmp_path):
-    for command in (MESHES, "python -m tactile_assets.results", "python -m tactile_assets.publish"):
+    for command in (MESHES, "python -m tactile_core results", "python -m tactile_core publish"):
         done = shell(command, tmp_path, TACTILE_PROFILE="huge")
         assert done.returncode != 0
-        assert done.stderr.strip().splitlines() == [
+        assert done.stderr.strip().removeprefix("Error: ").splitlines() == [
             "TACTILE_PROFILE='huge' is unknown: choose one of smoke, laptop, study, report, paper"
         ]

@@ -103,7 +103,7 @@ def test_figures_of_the_test_split_stay_beside_those_of_the_real_meshes(evaluate
 
 def test_the_real_rows_are_printed_where_the_variable_is_set(evaluated, scans):
     for variables, printed in (({}, False), ({"TACTILE_REAL": str(scans)}, True)):
-        done = shell("python -m tactile_assets.results", evaluated.home, **variables)
+        done = shell("python -m tactile_core results", evaluated.home, **variables)
         assert done.returncode == 0, done.stderr
         assert ("Per grasp, on real meshes" in done.stdout) == printed
         assert ("4 real ones" in done.stdout) == printed
