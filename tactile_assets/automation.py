@@ -9,9 +9,11 @@ import os
 import dagster as dg
 
 from tactile_assets.config import PROFILE
+from tactile_assets.runs import end_dead_runs
 
 EVERY_MONDAY_AT_THREE = "0 3 * * 1"
 TEN_MINUTES = 600
+HALF_A_MINUTE = 30
 
 whole_chain = dg.define_asset_job(
     "whole_chain",
@@ -56,6 +58,16 @@ def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.
     seen = "the source has not changed" if context.cursor else "the source is remembered"
     reason = "; ".join([seen, *fingerprint.unwatched])
     return dg.SensorResult(skip_reason=reason, cursor=fingerprint.value)
+
+
+@dg.sensor(
+    minimum_interval_seconds=HALF_A_MINUTE,
+    default_status=dg.DefaultSensorStatus.RUNNING,
+    description="Marks runs as failed whose process was killed, so that the next ones may start.",
+)
+def dead_runs(context: dg.SensorEvaluationContext) -> dg.SkipReason:
+    """Of runs on other machines nothing is known here."""
+    return dg.SkipReason("; ".join(end_dead_runs(context.instance)) or "no run has died")
 
 
 refresh_evaluations = dg.AutomationConditionSensorDefinition(

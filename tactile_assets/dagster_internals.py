@@ -3,8 +3,12 @@
 `tests/assets/test_dagster_internals.py` says what breaks should it change.
 """
 
+import contextlib
+
 import dagster as dg
+from dagster._core.errors import DagsterExecutionInterruptedError
 from dagster._core.execution import context_creation_job
+from dagster._utils.interrupts import raise_interrupts_as
 
 
 def make_default_console(console: dg.LoggerDefinition) -> None:
@@ -14,3 +18,11 @@ def make_default_console(console: dg.LoggerDefinition) -> None:
     for which ones stand in otherwise.
     """
     context_creation_job.default_system_loggers = lambda instance: [(console, {})]
+
+
+def interruptible() -> contextlib.AbstractContextManager[None]:
+    """Let an interrupt end the block at once, as it does a step's own code.
+
+    Between the steps Dagster only notes that there was one.
+    """
+    return raise_interrupts_as(DagsterExecutionInterruptedError)

@@ -27,13 +27,15 @@ from tactile_assets import (
     io_managers,
     real,
     reconstruction,
+    runs,
 )
 from tactile_assets.config import PROFILE
 from tactile_assets.dagster_internals import make_default_console
 from tactile_assets.resources import Store
 
+STORE = Store.from_environment()
 # Small steps are over before a process has started; long ones run side by side, one a core.
-EXECUTOR = (
+STEPS = (
     dg.in_process_executor
     if PROFILE.name == "smoke"
     else dg.multiprocess_executor.configured(
@@ -66,11 +68,15 @@ defs = dg.Definitions(
     ],
     jobs=[automation.whole_chain],
     schedules=[automation.weekly],
-    sensors=[automation.source_changes, automation.refresh_evaluations],
+    sensors=[
+        automation.source_changes,
+        automation.refresh_evaluations,
+        automation.dead_runs,
+    ],
     resources={
-        "store": Store.from_environment(),
+        "store": STORE,
         **io_managers.IO_MANAGERS,
     },
-    executor=EXECUTOR,
+    executor=runs.one_at_a_time(STEPS, STORE),
     loggers={"console": console.console},
 )

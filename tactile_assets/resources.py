@@ -42,6 +42,12 @@ class Store(dg.ConfigurableResource):
         """A local folder for downloads, checkpoints and TensorBoard curves."""
         return Path(self.home, "cache", *parts)
 
+    def local_folders(self) -> list[Path]:
+        """The home and, where it is a folder that this machine sees, that of the artifacts."""
+        artifacts = self.path()
+        local = artifacts.protocol in ("", "file", "local")
+        return [Path(self.home), *([Path(artifacts.path)] if local else [])]
+
     def forget_steps(self, run_id: str) -> None:
         """Remove what the steps inside `policies` handed each other in a run."""
         steps = self.path("steps", run_id)

@@ -41,8 +41,31 @@ def shell(
 ) -> subprocess.CompletedProcess:
     """Run a command as in a shell where .venv/bin/activate was sourced and nothing exported; where
     that failed only if it is to go on `whatever_it_says`."""
+    return subprocess.run(
+        ["bash", "-c", f". ./environment.sh {';' if whatever_it_says else '&&'} {command}"],
+        env=environment(home, **variables),
+        capture_output=True,
+        text=True,
+        timeout=280,
+        cwd=REPOSITORY,
+    )
+
+
+def begin(command: str, home: Path, **variables: str) -> subprocess.Popen:
+    """Begin a command as `shell` does; its process is the command's own."""
+    return subprocess.Popen(
+        ["bash", "-c", f". ./environment.sh && exec {command}"],
+        env=environment(home, **variables),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=REPOSITORY,
+    )
+
+
+def environment(home: Path, **variables: str) -> dict[str, str]:
     binaries = Path(sys.executable).parent
-    environment = {
+    return {
         "PATH": f"{binaries}:/usr/local/bin:/usr/bin:/bin",
         "HOME": os.environ["HOME"],
         # Only the folder above it counts; the tests may run in an environment elsewhere.
@@ -51,14 +74,6 @@ def shell(
         "TACTILE_PROFILE": "smoke",
         **variables,
     }
-    return subprocess.run(
-        ["bash", "-c", f". ./environment.sh {';' if whatever_it_says else '&&'} {command}"],
-        cwd=REPOSITORY,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=280,
-    )
 
 
 @dataclass(frozen=True)

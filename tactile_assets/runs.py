@@ -1,0 +1,92 @@
+"""Runs: one at a time in a home and in a store, and those whose process is gone are told so.
+
+A run that is killed cannot say that it failed. Dagster would take it for one in progress, and start
+no other.
+"""
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any, cast
+
+import dagster as dg
+from dagster import DagsterRunStatus
+
+from tactile_assets.dagster_internals import interruptible
+from tactile_assets.resources import Store
+from tactile_core.claims import claimed
+from tactile_core.processes import Worker
+
+HOST, PID, SINCE = "tactile/host", "tactile/pid", "tactile/since"  # tags of a run
+UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
+
+
+class OneAtATime(dg.Executor):
+    """Lets another executor work while no other run does in the same home or store."""
+
+    def __init__(self, executor: dg.Executor, store: Store) -> None:
+        self.executor = executor
+        self.store = store
+
+    @property
+    def retries(self) -> Any:
+        return self.executor.retries
+
+    @property
+    def step_dependency_config(self) -> Any:
+        return self.executor.step_dependency_config
+
+    def execute(self, plan_context: Any, execution_plan: Any) -> Iterator[dg.DagsterEvent]:
+        instance, run, log = plan_context.instance, plan_context.dagster_run, plan_context.log
+        worker = Worker.here()
+        instance.add_run_tags(run.run_id, tags_of(worker))
+        with contextlib.ExitStack() as claims:
+            with interruptible():
+                for folder in self.store.local_folders():
+                    name = f"run {run.run_id} ({worker})"
+                    claims.enter_context(claimed(folder, name, log.info))
+            for sentence in end_dead_runs(instance):
+                log.info(sentence)
+            yield from self.executor.execute(plan_context, execution_plan)
+
+
+def one_at_a_time(executor: dg.ExecutorDefinition, store: Store) -> dg.ExecutorDefinition:
+    """`executor`, as `OneAtATime` lets it work."""
+    create, schema = executor.executor_creation_fn, cast(Any, executor.config_schema)
+    assert create is not None
+    return dg.ExecutorDefinition(
+        name=executor.name,
+        config_schema=schema,
+        requirements=executor.get_requirements,
+        executor_creation_fn=lambda context: OneAtATime(create(context), store),
+        description=executor.description,
+    )
+
+
+def tags_of(worker: Worker) -> dict[str, str]:
+    """The process of a run as the run's tags."""
+    return {HOST: worker.host, PID: str(worker.pid), SINCE: repr(worker.started)}
+
+
+def worker_of(run: dg.DagsterRun) -> Worker | None:
+    """The process that said in the run's tags that it works on it; None before it did."""
+    tags = run.tags
+    if not {HOST, PID, SINCE} <= tags.keys():
+        return None
+    return Worker(tags[HOST], int(tags[PID]), float(tags[SINCE]))
+
+
+def end_dead_runs(instance: dg.DagsterInstance) -> list[str]:
+    """Mark every run as failed, or canceled, whose process on this machine is gone; one sentence
+    about each."""
+    sentences = []
+    for run in instance.get_runs(dg.RunsFilter(statuses=UNFINISHED)):
+        worker = worker_of(run)
+        if worker is None or not worker.is_gone():
+            continue
+        sentence = f"{worker}, is gone without a word; a new run goes on with what it left"
+        if run.status == DagsterRunStatus.CANCELING:
+            instance.report_run_canceled(run, sentence)
+        else:
+            instance.report_run_failed(run, sentence)
+        sentences.append(f"run {run.run_id} has ended: {sentence}")
+    return sentences
