@@ -12,7 +12,7 @@ WINGS = ["dataset", "reconstruction", "exploration", "evaluation"]
 ROOMS = {
     "dataset": [
         "seeds", "sources", "procedural", "geometry", "meshes", "rendering", "copies", "splits",
-        "outlines", "shapes", "touches", "real",
+        "outlines", "shapes", "touches", "real", "drawings", "things",
     ],
     "exploration": ["world", "policies", "learning", "practice", "environments"],
 }  # fmt: skip
