@@ -35,9 +35,9 @@ def environment_rows(pace: Pace) -> list[Row]:
             f"environment steps, random rays, {count} environments",
             alternated(random_steps(batched_env(count)), plain, pace),
             "steps/s",
-            goal=20,
+            goal=goal,
         )
-        for count in (LAPTOP.environments, MOST)
+        for count, goal in ((LAPTOP.environments, 40), (MOST, 70))
     ]
 
 
@@ -56,7 +56,7 @@ def ppo_rows(pace: Pace) -> list[Row]:
     )
     rates = alternated(ours, learned_steps(plain, rollout), pace, min(pace.repetitions, 3))
     what = "PPO training, laptop settings beside the report's"
-    return [at_least(what, rates, "steps/s", goal=10)]
+    return [at_least(what, rates, "steps/s", goal=15)]
 
 
 def environment_curves(pace: Pace) -> list[Curve]:
