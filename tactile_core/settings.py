@@ -337,6 +337,19 @@ class RolloutSettings(Settings):
         return self
 
 
+class ObserverSettings(Settings):
+    """The ideal observers: what can be attained without knowing the shape."""
+
+    believed: dict[str, Meshes] = Field(
+        {"mug": 600, "bottle": 1400},
+        description="How many meshes of each class to generate for what they believe in.",
+    )
+    samples: int = Field(
+        60, ge=1, le=10**6, description="Test samples to try them on, each of another model."
+    )
+    seed: Seed = Field(1, description="Of the meshes and rays; not that of `shapenet_meshes`.")
+
+
 class EvaluationSettings(Settings):
     """What an evaluation reads from the rollouts (report, section VII)."""
 
@@ -368,6 +381,9 @@ class Profile(Settings):
     unet: UNetSettings = UNetSettings()
     policies: PolicySettings = PolicySettings()
     rollouts: RolloutSettings = RolloutSettings()
+    observer: ObserverSettings | None = Field(
+        None, description="What `attainable_rollouts` is made with; without it there is none."
+    )
     per_step: EvaluationSettings = EvaluationSettings(choice="likeliest")
     per_grasp: EvaluationSettings = EvaluationSettings()
 

@@ -17,6 +17,7 @@ weightings at once: row 0 weighs every rollout once and gives the value, the oth
 """
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,11 +88,17 @@ def interquartile_mean(scores: np.ndarray, samples: np.ndarray, seeds: np.ndarra
     return np.concatenate(means)
 
 
-def gap_closed(means: dict[str, np.ndarray], policy: str) -> np.ndarray:
-    """(policy − random) / (oracle − random) in each weighting: (1 + B,); NaN where undefined."""
-    if not {"random", "oracle"} <= means.keys():
+def gap_closed(
+    means: dict[str, np.ndarray], policy: str, tops: Sequence[str] = ("oracle",)
+) -> np.ndarray:
+    """(policy − random) / (top − random) in each weighting: (1 + B,); NaN where undefined.
+
+    The top is the best of those of `tops` that there are.
+    """
+    there = [means[top] for top in tops if top in means]
+    if "random" not in means or not there:
         return np.full_like(means[policy], np.nan)
-    room = means["oracle"] - means["random"]
+    room = np.max(there, axis=0) - means["random"]
     return (means[policy] - means["random"]) / np.where(room > 0, room, np.nan)
 
 

@@ -33,7 +33,8 @@ FIRST = (
     "total_miss",
     "pre_diff_miss",
 )
-LAST = ("oracle",)
+OBSERVERS = ("observer", "observer_ahead")  # what can be attained without knowing the shape
+LAST = (*OBSERVERS, "oracle")
 BARS = ("even", "coverage")  # the fixed rules that a learned policy has to beat
 
 
@@ -102,6 +103,7 @@ def summarise_steps(per_step: pd.DataFrame, resamples: int = 2000, seed: int = 0
     Each quantity is a column with its interval in `…_low` and `…_high`. Jaccard, 0 to 100:
     `last` (after the last ray), `mean` (over all rays), and their interquartile means `last_iqm`,
     `mean_iqm`. Shares, 0 to 1: `last_gap`, `mean_gap` (gap closed between random and oracle),
+    `last_attained`, `mean_attained` (between random and the better of the ideal observers),
     and `last_over_even`, `mean_over_even`, `last_over_coverage`, `mean_over_coverage`
     (probability of improvement). `last_above_even` and so on: Jaccard points above that rule
     on the same samples. Counts per rollout: `hits` (rays that met the shape) and
@@ -165,6 +167,7 @@ def _summary(
                 of_policy[policy], weights.samples, weights.seeds[policy]
             )
             columns[f"{name}_gap"] = gap_closed(means, policy)
+            columns[f"{name}_attained"] = gap_closed(means, policy, OBSERVERS)
             for bar in BARS:
                 columns[f"{name}_above_{bar}"] = points_above(means, policy, bar)
                 columns[f"{name}_over_{bar}"] = probability_of_improvement(

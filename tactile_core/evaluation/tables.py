@@ -1,8 +1,9 @@
 """The results as tables for the terminal and for markdown, beside the report's numbers.
 
 Each `…_rows` function returns a DataFrame of strings, ready to print; `text_table` and
-`markdown_table` lay one out. "±" is half the width of the 95 % interval, and "gap" the gap closed
-between random and oracle. What has no interval is a dash: in some resample it was not defined.
+`markdown_table` lay one out. "±" is half the width of the 95 % interval, "gap" the gap closed
+between random and oracle, "attained" that between random and the better ideal observer. What has
+no interval is a dash: in some resample it was not defined.
 """
 
 from collections.abc import Mapping
@@ -83,6 +84,9 @@ def policy_rows(curve: pd.DataFrame, summary: pd.DataFrame, index: str) -> pd.Da
         row["mean"] = around(*quantity(policy, "mean"))
         row[f"gap at {last}"] = around_percent(*quantity(policy, "last_gap"))
         row["gap, mean"] = around_percent(*quantity(policy, "mean_gap"))
+        if not summary["mean_attained"].isna().all():
+            row[f"attained at {last}"] = around_percent(*quantity(policy, "last_attained"))
+            row["attained, mean"] = around_percent(*quantity(policy, "mean_attained"))
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -70,16 +70,20 @@ def best_ray(net: RayScorer, explorations: Explorations) -> np.ndarray:
 
 
 def best_rays_apart(net: RayScorer, explorations: Explorations, count: int) -> np.ndarray:
-    """The `count` rays of highest value for each exploration, best first, (N, count, 2) int.
+    """The `count` rays of highest value for each exploration, best first, (N, count, 2) int."""
+    values = ray_values(net, scorer_images(explorations), explorations.rays)
+    return candidate_rays(explorations.resolution).reshape(-1, 2)[best_apart(values, count)]
+
+
+def best_apart(values: np.ndarray, count: int) -> np.ndarray:
+    """Which `count` candidates have the highest values (N, C), best first, (N, count) int.
 
     Neighbouring candidates meet nearly the same, so only every other one takes part, in angle and
     offset as on a chessboard.
     """
-    values = ray_values(net, scorer_images(explorations), explorations.rays)
     angle, offset = np.divmod(np.arange(ANGLES * OFFSETS), OFFSETS)
     apart = np.flatnonzero((angle + offset) % 2 == 0)
-    best = apart[np.argsort(-values[:, apart], axis=1, kind="stable")[:, :count]]
-    return candidate_rays(explorations.resolution).reshape(-1, 2)[best]
+    return apart[np.argsort(-values[:, apart], axis=1, kind="stable")[:, :count]]
 
 
 class ScorerPolicy:

@@ -1,0 +1,63 @@
+"""What can be attained: the ideal observers on some of the test shapes, beside all policies."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
+from tactile_core.evaluation.readings import per_step_reading
+from tactile_core.evaluation.rollouts import cast_rollouts
+from tactile_core.exploration.policies.observer import IdealObserver
+from tactile_core.exploration.policies.scorer import RayScorer
+from tactile_core.exploration.world.rays import RAYS
+from tactile_core.reconstruction.known_shapes import KnownShapes
+from tactile_core.reconstruction.trained import TrainedUNet
+from tactile_core.settings import EvaluationSettings, ObserverSettings, RolloutSettings
+
+
+def cast_observers(
+    test: Shapes,
+    unet: TrainedUNet,
+    belief: np.ndarray,
+    scorer: RayScorer | None,
+    settings: ObserverSettings,
+    previous: pd.DataFrame | None = None,
+    progress: Callable[[str], None] = lambda message: None,
+) -> pd.DataFrame:
+    """Ten rays of each ideal observer on one sample of each of `settings.samples` test models.
+
+    belief : (n, R, R) bool, shapes of the distribution that the test shapes are of
+    scorer : proposes rays to the observer that looks ahead, which is left out without it
+    previous, and the columns of what is returned : as in `cast_rollouts`
+    """
+    known = KnownShapes(belief)
+    observers = [IdealObserver(known), *([IdealObserver(known, scorer)] if scorer else [])]
+    rays = RolloutSettings(references=[], count=RAYS, ray_limit=RAYS, seed=settings.seed)
+    some = one_of_each(test, settings.samples)
+    return cast_rollouts(observers, some, unet, rays, previous, progress)
+
+
+def one_of_each(test: Shapes, count: int) -> Shapes:
+    """One sample of each of `count` models, or of all if there are no more, spread evenly."""
+    _, first = np.unique(test.model_ids, return_index=True)
+    chosen = np.linspace(0, len(first) - 1, min(count, len(first))).round().astype(int)
+    return test.select(np.sort(first[chosen]))
+
+
+def attainable_reading(
+    observed: pd.DataFrame, rollouts: pd.DataFrame, settings: EvaluationSettings
+) -> pd.DataFrame:
+    """Observers and policies on the same samples, as `per_step_reading` has them.
+
+    Raises `TactileError` where the rollouts are on other samples.
+    """
+    samples = observed["sample_id"].unique()
+    if missing := set(samples) - set(rollouts["sample_id"]):
+        raise TactileError(
+            f"attainable_rollouts are on samples that rollouts lack (first: {min(missing)}): "
+            "materialise attainable_rollouts again"
+        )
+    same = rollouts["sample_id"].isin(samples) & (rollouts["ray"] <= RAYS)
+    return per_step_reading(pd.concat([rollouts[same], observed], ignore_index=True), settings)
