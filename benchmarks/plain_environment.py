@@ -12,7 +12,7 @@ from gymnasium import spaces
 from skimage.draw import line
 
 from tactile_core.exploration.world.circle import report_circle
-from tactile_core.exploration.world.rays import MISS, RAYS
+from tactile_core.exploration.world.rays import MISS, RAY_LIMIT, RAYS
 from tactile_core.exploration.world.rewards import DIFF, Stage
 from tactile_core.exploration.world.state import Cast, to_grey
 from tactile_core.reconstruction.inference import Reconstructor
@@ -29,7 +29,7 @@ class PlainEnv(gym.Env[np.ndarray, np.ndarray]):
         stage: Stage = DIFF,
         *,
         count: int = RAYS,
-        ray_limit: int = 100,
+        ray_limit: int = RAY_LIMIT,
     ) -> None:
         resolution = masks.shape[-1]
         self.masks = masks

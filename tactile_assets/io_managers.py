@@ -1,6 +1,5 @@
 """How asset values become files, in formats that a user can open without this code."""
 
-import json
 import re
 from typing import TYPE_CHECKING, Any
 
@@ -46,46 +45,17 @@ class UNets(dg.UPathIOManager):
 
 
 class PolicyIndex(dg.UPathIOManager):
-    """`index.json` beside the policies' directories: which of them belong to the asset.
-
-    Trainings store their own directories. Those of approaches that are no longer trained stay
-    on disk and out of the evaluations. Written from versions by directory name; read as paths.
-    """
+    """Which policies belong to the asset: given by directory name → version, read as paths."""
 
     def dump_to_path(self, context: dg.OutputContext, obj: dict[str, str], path: UPath) -> None:
-        with written_whole(path / "index.json") as file:
-            file.write(json.dumps(obj, indent=2).encode())
+        from tactile_core.exploration.policies.index import write_index
+
+        write_index(path, obj)
 
     def load_from_path(self, context: dg.InputContext, path: UPath) -> list[UPath]:
-        from tactile_core.exploration.policies.store import describe
+        from tactile_core.exploration.policies.index import read_index
 
-        try:
-            data = (path / "index.json").read_bytes()
-            versions = json.loads(data, object_pairs_hook=each_once)
-        except (OSError, ValueError) as error:
-            raise TactileError(f"{path} holds no trained policies: materialise policies") from error
-        if not isinstance(versions, dict) or not all(map(is_entry, versions.items())):
-            raise TactileError(f"{path}/index.json is damaged: materialise policies again")
-        for name, version in versions.items():
-            description = describe(path / name)
-            if (description.name, description.version) != (name, version):
-                raise TactileError(
-                    f"{path / name} is of another training than index.json says: materialise "
-                    "policies again"
-                )
-        return [path / name for name in versions]
-
-
-def each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A JSON object; raises `ValueError` where it names something twice, as a changed bit may."""
-    if len(dict(pairs)) < len(pairs):
-        raise ValueError("it names something twice")
-    return dict(pairs)
-
-
-def is_entry(entry: tuple[str, Any]) -> bool:
-    """Whether a policy's name and version are plain words, and none that leads elsewhere."""
-    return all(isinstance(word, str) and re.fullmatch(r"[\w-]+", word) for word in entry)
+        return read_index(path)
 
 
 class Steps(dg.UPathIOManager):

@@ -7,18 +7,27 @@ reconstruction → dataset. `figures` draws what each of them made.
 
 import importlib
 import sys
+from typing import Any
 
 ENV_ID = "TactileExploration-v1"
 
 
 def register_environment() -> None:
     """Make the environment known to Gymnasium by its name."""
-    # No import statement: `keys` counts those, and no mask hangs on Gymnasium.
+    # No import statement, here and below: `keys` counts those, and no mask hangs on Gymnasium.
     importlib.import_module("gymnasium").register(
         ENV_ID,
         entry_point="tactile_core.exploration.environments:make_env",
         vector_entry_point="tactile_core.exploration.environments:make_vector_env",
     )
+
+
+def policy(name: str, env: Any = None, **options: Any) -> Any:
+    """A policy of the tables, whose `act(observation, info)` names the next action in `env`.
+
+    `exploration.acting.policy` says more.
+    """
+    return importlib.import_module("tactile_core.exploration.acting").policy(name, env, **options)
 
 
 # Those who ask for it by `gymnasium.make` have Gymnasium; all others need not wait for it.

@@ -14,7 +14,7 @@ ROOMS = {
         "seeds", "sources", "procedural", "geometry", "meshes", "rendering", "copies", "splits",
         "outlines", "shapes", "touches", "real", "drawings", "things",
     ],
-    "exploration": ["world", "policies", "learning", "practice", "environments"],
+    "exploration": ["world", "policies", "learning", "practice", "environments", "acting"],
 }  # fmt: skip
 
 

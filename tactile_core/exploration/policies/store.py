@@ -56,6 +56,13 @@ class StoredPolicy(Settings):
         """Of its directory."""
         return f"{self.approach}-{self.seed}"
 
+    @property
+    def policies(self) -> list[str]:
+        """Names of the policies that it holds; a ray scorer brings a recall of its own."""
+        if self.learner != "gains":
+            return [self.approach]
+        return [self.approach, "recall" if self.approach == "gain" else f"recall_{self.approach}"]
+
 
 def save_policy(
     directory: UPath,
@@ -152,8 +159,8 @@ def scorer_policies(description: StoredPolicy, tensors: dict[str, Tensor]) -> li
     known = load_known_shapes(packed, description.resolution)
     net = RayScorer().to(best_device()).eval()
     net.load_state_dict(tensors)
-    approach, seed = description.approach, description.seed
-    recall = "recall" if approach == "gain" else f"recall_{approach}"
+    approach, recall = description.policies
+    seed = description.seed
     return [ScorerPolicy(approach, seed, net), RecallPolicy(recall, seed, net, known)]
 
 

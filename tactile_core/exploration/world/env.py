@@ -3,7 +3,7 @@
 `gymnasium.make` finds it by name, see `exploration.environments`.
 """
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -11,10 +11,8 @@ from gymnasium.error import ResetNeeded
 
 from tactile_core import ENV_ID, register_environment
 from tactile_core.errors import TactileError
-from tactile_core.exploration.world.episodes import Episodes
-from tactile_core.exploration.world.interface import Interface
+from tactile_core.exploration.world.episodes import Episodes, Options
 from tactile_core.exploration.world.pictures import Window, picture, window_missing
-from tactile_core.exploration.world.rays import RAYS
 from tactile_core.exploration.world.rewards import DIFF, Stage
 from tactile_core.reconstruction.inference import Reconstructor
 
@@ -79,18 +77,14 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
         reconstructor: Reconstructor,
         stage: Stage = DIFF,
         *,
-        count: int = RAYS,
-        ray_limit: int = 100,
-        interface: Interface = Interface(),  # noqa: B008 (frozen)
         render_mode: str | None = None,
+        **options: Unpack[Options],
     ) -> None:
-        self.episodes = Episodes(
-            1, masks, reconstructor, stage, count=count, ray_limit=ray_limit, interface=interface
-        )
+        self.episodes = Episodes(1, masks, reconstructor, stage, **options)
         self.reconstructor = reconstructor
-        self.interface = interface
-        self.action_space = interface.action_space(self.episodes.resolution)
-        self.observation_space = interface.observation_space(self.episodes.resolution)
+        self.interface = self.episodes.interface
+        self.action_space = self.interface.action_space(self.episodes.resolution)
+        self.observation_space = self.interface.observation_space(self.episodes.resolution)
         self.render_mode = checked_mode(render_mode)
         if window_missing():  # what this environment can do here, for those who try every mode
             self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}

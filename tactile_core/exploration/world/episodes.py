@@ -1,24 +1,34 @@
 """N episodes in step: what the single and both batched environments have in common."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.world.interface import Interface
-from tactile_core.exploration.world.rays import RAYS
+from tactile_core.exploration.world.rays import RAY_LIMIT, RAYS
 from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.state import Cast, Explorations
 from tactile_core.reconstruction.inference import Reconstructor
+
+
+class Options(TypedDict, total=False):
+    """What every environment may be told besides masks, U-Net and stage; see `Episodes`."""
+
+    count: int
+    ray_limit: int
+    interface: Interface
 
 
 class Episodes:
     """Explorations of masks that are drawn from many, with a reward and an end.
 
     masks : (M, R, R) bool, those that are drawn from
+    stage : the reward, and what ends an episode
     count, ray_limit : an episode is terminated after `count` rays (`stage.ends == "rays"`) or when
         `count` touches are held ("touches"), and in the latter case truncated after `ray_limit`
+    interface : action layout and further channels
     drawn : (N,) int, the mask of each episode
     state : the explorations
     """
@@ -31,8 +41,8 @@ class Episodes:
         stage: Stage,
         *,
         count: int = RAYS,
-        ray_limit: int = 100,
-        interface: Interface,
+        ray_limit: int = RAY_LIMIT,
+        interface: Interface = Interface(),  # noqa: B008 (frozen)
     ) -> None:
         self.masks = checked(masks)
         self.stage = stage

@@ -14,6 +14,7 @@ from tactile_core.compiled import compiled
 from tactile_core.exploration.world.circle import angle_index, circle_pixels, frozen
 
 RAYS = 10  # in an episode (report, section VI)
+RAY_LIMIT = 100  # of an episode that goes on until ten touches are held
 MISS = -1
 
 # steps, row, column, error, row step, column step, long, short, steep

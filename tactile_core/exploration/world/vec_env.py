@@ -2,15 +2,13 @@
 a step. `vector_env` has the same for Gymnasium."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.utils.seeding import np_random
 from stable_baselines3.common.vec_env import VecEnv
 
-from tactile_core.exploration.world.episodes import Episodes
-from tactile_core.exploration.world.interface import Interface
-from tactile_core.exploration.world.rays import RAYS
+from tactile_core.exploration.world.episodes import Episodes, Options
 from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor
@@ -32,21 +30,16 @@ class BatchedTactileEnv(VecEnv):
         reconstructor: Reconstructor,
         stage: Stage,
         *,
-        count: int = RAYS,
-        ray_limit: int = 100,
         reward_scale: float = 1.0,
         seed: int = 0,
-        interface: Interface = Interface(),  # noqa: B008 (frozen)
+        **options: Unpack[Options],
     ) -> None:
-        self.episodes = Episodes(
-            environments, masks, reconstructor, stage, count=count, ray_limit=ray_limit,
-            interface=interface,
-        )  # fmt: skip
+        self.episodes = Episodes(environments, masks, reconstructor, stage, **options)
         self.reward_scale = reward_scale
         self.generators = [np_random(seed + index)[0] for index in range(environments)]
         self.returns = np.zeros(environments, np.float32)
         self.render_mode = None
-        resolution = self.episodes.resolution
+        interface, resolution = self.episodes.interface, self.episodes.resolution
         super().__init__(
             environments,
             interface.observation_space(resolution),

@@ -1,7 +1,7 @@
 """The environment many times over, as Gymnasium's `VectorEnv`: one U-Net pass a step."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -10,10 +10,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration.world.episodes import Episodes
-from tactile_core.exploration.world.interface import Interface
+from tactile_core.exploration.world.episodes import Episodes, Options
 from tactile_core.exploration.world.pictures import picture
-from tactile_core.exploration.world.rays import RAYS
 from tactile_core.exploration.world.rewards import DIFF, Stage
 from tactile_core.reconstruction.inference import Reconstructor
 
@@ -42,25 +40,21 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         reconstructor: Reconstructor,
         stage: Stage = DIFF,
         *,
-        count: int = RAYS,
-        ray_limit: int = 100,
-        interface: Interface = Interface(),  # noqa: B008 (frozen)
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
+        **options: Unpack[Options],
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise TactileError(f"render_mode={render_mode!r}: many at once have rgb_array only")
-        self.episodes = Episodes(
-            num_envs, masks, reconstructor, stage, count=count, ray_limit=ray_limit,
-            interface=interface,
-        )  # fmt: skip
+        self.episodes = Episodes(num_envs, masks, reconstructor, stage, **options)
         self.num_envs = num_envs
         self.reconstructor = reconstructor
-        self.interface = interface
+        self.interface = self.episodes.interface
         self.render_mode = render_mode
         self.max_episode_steps = max_episode_steps
-        self.single_observation_space = interface.observation_space(self.episodes.resolution)
-        self.single_action_space = interface.action_space(self.episodes.resolution)
+        resolution = self.episodes.resolution
+        self.single_observation_space = self.interface.observation_space(resolution)
+        self.single_action_space = self.interface.action_space(resolution)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.generators: list[np.random.Generator] = []

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
-import pandas as pd
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -17,18 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from stable_baselines3.common.monitor import Monitor
-from upath import UPath
 
 from tactile_core import ENV_ID
-from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.errors import TactileError
 from tactile_core.exploration.environments import make_env
 from tactile_core.exploration.learning.approaches import APPROACHES
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.pictures import Window, window_missing
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
-from tactile_core.files import write_table
-from tactile_core.reconstruction.trained import save_unet
 
 NAME = f"tactile_core:{ENV_ID}"
 REPOSITORY = Path(__file__).resolve().parents[3]
@@ -39,17 +34,6 @@ seeds = st.integers(0, 2**31 - 1)
 @pytest.fixture
 def parts(shapes, reconstructor):
     return {"masks": shapes["train"].masks, "unet": reconstructor}
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory, shapes, unet):
-    """A home in which a run has left its splits and its U-Net."""
-    folder = tmp_path_factory.mktemp("home")
-    rows = [(split, encode_mask(mask)) for split, some in shapes.items() for mask in some.masks]
-    table = pd.DataFrame(rows, columns=["split", "mask"])
-    write_table(table, folder / "artifacts" / "rotated_splits.parquet")
-    save_unet(unet, UPath(folder / "artifacts" / "unet"))
-    return folder
 
 
 @pytest.mark.parametrize(

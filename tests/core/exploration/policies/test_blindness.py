@@ -5,32 +5,23 @@ import pytest
 from upath import UPath
 
 from tactile_core.exploration.learning.approaches import APPROACHES, find_approach
-from tactile_core.exploration.learning.train import train_policy
 from tactile_core.exploration.policies.references import REFERENCES, find_reference
 from tactile_core.exploration.policies.store import load_policies
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor
-from tactile_core.settings import PolicySettings
+from tests.core.exploration.conftest import TRAINED
 
-QUICK = PolicySettings(
-    steps_per_stage=64, environments=4, rays_per_rollout=16, batch_size=64, epochs=1,
-    gain_iterations=2, gain_states=4, gain_tries=2, gain_updates=1,
-)  # fmt: skip
 # One approach of each kind of trained policy.
-KINDS = {recipe.learner: recipe.name for recipe in APPROACHES.values()}
+KINDS = {find_approach(name).learner: name for name in TRAINED}
 
 
 @pytest.fixture(scope="module")
-def trained(shapes, unet, tmp_path_factory) -> dict[str, list]:
+def trained(home, unet) -> dict[str, list]:
     """The policies that come with an approach of each kind: `recall` with `gain`."""
-    root = tmp_path_factory.mktemp("policies")
-    for approach in KINDS.values():
-        train_policy(
-            find_approach(approach), 0, shapes["train"], unet, QUICK,
-            directory=UPath(root / approach), work=root / "work" / approach,
-        )  # fmt: skip
     return {
-        kind: load_policies([UPath(root / approach)], unet.version(), unet.resolution)
+        kind: load_policies(
+            [UPath(home / "artifacts" / "policies" / f"{approach}-0")], unet.version(), 64
+        )
         for kind, approach in KINDS.items()
     }
 
@@ -75,5 +66,6 @@ def test_the_oracle_alone_does(pair):
 
 
 def test_every_kind_of_policy_is_looked_at(trained):
+    assert set(KINDS) == {approach.learner for approach in APPROACHES.values()}
     names = {policy.name for policies in trained.values() for policy in policies}
     assert {"gain", "recall"} < names and len(names) == len(KINDS) + 1
