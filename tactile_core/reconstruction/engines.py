@@ -98,13 +98,41 @@ def graph(net: UNet, batch: int, side: int) -> Any:
         skipped.append(x)
     skipped.pop()
     for raise_, block in zip(net.raise_, net.expand, strict=True):
-        raised = ops.interpolate(
-            convolved(x, raise_), np.array([2, 2], np.float32), "nearest", "scales",
-            coordinate_transformation_mode="asymmetric", nearest_mode="floor",
-            axes=np.array([2, 3]),
-        )  # fmt: skip
-        x = convolved_twice(ops.concat([skipped.pop(), raised], 1), block)
+        x = expanded(skipped.pop(), convolved(x, raise_), block)
     return openvino.Model([ops.sigmoid(convolved(x, net.head))], [given])
+
+
+def expanded(skipped: Any, raised: Any, block: nn.Module) -> Any:
+    """What `block` makes of the channels that skip the lower levels and of those raised from there.
+
+    To double an image and convolve it 3×3 is one transposed convolution 4×4 of the small image,
+    with less than half of the products; so neither the double nor both side by side are ever made.
+    """
+    from openvino import opset11 as ops
+
+    assert isinstance(block, nn.Sequential)
+    first = block[0]
+    assert isinstance(first, nn.Conv2d)
+    assert first.bias is not None
+    near, far = first.weight.detach().chunk(2, dim=1)  # (W, W, 3, 3) each: skipped and raised
+    margin = [1, 1]
+    both = ops.add(
+        ops.convolution(skipped, array(near), [1, 1], margin, margin, [1, 1]),
+        ops.convolution_backprop_data(
+            raised, array(doubled(far)), [2, 2], pads_begin=margin, pads_end=margin,
+            dilations=[1, 1],
+        ),
+    )  # fmt: skip
+    x = ops.relu(ops.add(both, per_channel(first.bias)))
+    return ops.relu(convolved(x, block[3]))
+
+
+def doubled(kernels: Tensor) -> Tensor:
+    """Kernels (O, I, 3, 3) for a doubled image as transposed ones (I, O, 4, 4) for the image."""
+    flipped = kernels.double().flip(2, 3).flatten(0, 1)[:, None]
+    box = torch.ones(1, 1, 2, 2, dtype=torch.double)
+    summed = nn.functional.conv2d(flipped, box, padding=1)  # (O·I, 1, 4, 4)
+    return summed.unflatten(0, kernels.shape[:2])[:, :, 0].transpose(0, 1)
 
 
 def convolved_twice(x: Any, block: nn.Module) -> Any:
@@ -123,7 +151,11 @@ def convolved(x: Any, layer: nn.Module) -> Any:
     margin = [int(layer.kernel_size[0] // 2)] * 2
     product = ops.convolution(x, array(layer.weight), [1, 1], margin, margin, [1, 1])
     assert layer.bias is not None
-    return ops.add(product, array(layer.bias).reshape(1, -1, 1, 1))
+    return ops.add(product, per_channel(layer.bias))
+
+
+def per_channel(bias: Tensor) -> np.ndarray:
+    return array(bias).reshape(1, -1, 1, 1)
 
 
 def array(weight: Tensor) -> np.ndarray:
