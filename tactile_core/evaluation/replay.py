@@ -21,6 +21,7 @@ class Rollout:
     touches : (T, 2) int16, (row, column) of each ray's touch; (-1, -1) for a miss
     predictions : (T, R, R) float32, probability of the shape after each ray, 0 to 1
     jaccard : (T,) float, Jaccard index after each ray, 0 to 100
+    category : class of the object; empty where it has none
     """
 
     policy: str
@@ -29,6 +30,7 @@ class Rollout:
     touches: np.ndarray
     predictions: np.ndarray
     jaccard: np.ndarray
+    category: str = ""
 
 
 def replayed(rows: pd.DataFrame, test: Shapes, index: int, reconstructor: Reconstructor) -> Rollout:
@@ -51,4 +53,5 @@ def replayed(rows: pd.DataFrame, test: Shapes, index: int, reconstructor: Recons
         touches=np.array(touches),
         predictions=np.array(predictions),
         jaccard=np.array(jaccard),
+        category=str(test.categories[index]),
     )

@@ -9,16 +9,26 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from numpy.typing import ArrayLike
 from scipy.optimize import isotonic_regression
 
-from tactile_core.figures.style import INK, MUTED, PINK, RAY, Line, plot, policy_lines
+from tactile_core.figures.style import (
+    INK,
+    MUTED,
+    PINK,
+    RAY,
+    Line,
+    plot,
+    policy_groups,
+    policy_lines,
+)
 
 DEPTH_MARKERS = "osD^vP"  # one for each depth, in rising order
 
 
 def policy_curves(curve: pd.DataFrame, index: str = "step") -> Figure:
     """Figure 4 ("step") or 5 ("grasp") from `statistics.mean_curve`: a line and band per policy."""
-    figure = Figure(figsize=(8, 5.2), layout="constrained")
+    figure = Figure(figsize=(8, 6.2), layout="constrained")
     title, x, note = {
         "step": ("Mean Jaccard index after each ray", "rays cast", ""),
         "grasp": (
@@ -36,20 +46,41 @@ def policy_curves(curve: pd.DataFrame, index: str = "step") -> Figure:
         axes.fill_between(
             rows[index], rows["low"], rows["high"], color=line.colour, alpha=0.15, linewidth=0
         )
-        axes.plot(
-            rows[index],
-            rows["mean"],
-            color=line.colour,
-            linestyle=line.dashes,
-            linewidth=line.width,
-        )
+        axes.add_line(drawn(line, rows[index], rows["mean"]))
         ends[policy] = float(rows["mean"].iloc[-1])
     last = int(curve[index].max())
     axes.set_xlim(1 - 0.15, last + 0.05)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xticks(range(1, last + 1))
     label_ends(axes, last + 0.05, ends, lines)
+    name_lines(figure, policy_groups(curve["policy"]))
     return figure
+
+
+def drawn(line: Line, x: ArrayLike = (), y: ArrayLike = ()) -> Line2D:
+    """A policy's line through these points, with its marker at each."""
+    return Line2D(
+        np.asarray(x), np.asarray(y), color=line.colour, linestyle=line.dashes,
+        linewidth=line.width, marker=line.marker, markersize=3 + 1.8 * line.width,
+        markerfacecolor=line.colour if line.filled else "white", markeredgewidth=1,
+    )  # fmt: skip
+
+
+def name_lines(figure: Figure, groups: dict[str, dict[str, Line]]) -> None:
+    """A legend below the axes, a column for each group of policies under the group's name."""
+    nothing = Line2D([], [], linestyle="none")
+    rows = max(map(len, groups.values()))
+    handles, labels = [], []
+    for group, lines in groups.items():
+        blank = rows - len(lines)
+        handles += [nothing, *map(drawn, lines.values()), *[nothing] * blank]
+        labels += [group, *lines, *[""] * blank]
+    legend = figure.legend(
+        handles, labels, loc="outside lower center", ncols=len(groups), frameon=False, fontsize=9,
+        labelcolor=INK, handlelength=4, columnspacing=3,
+    )  # fmt: skip
+    for text in legend.get_texts()[:: rows + 1]:
+        text.set_fontweight("bold")
 
 
 def label_ends(axes: Axes, x: float, ends: dict[str, float], lines: dict[str, Line]) -> None:

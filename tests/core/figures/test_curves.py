@@ -19,7 +19,7 @@ from tactile_core.figures.curves import (
     touches_curve,
     training_curves,
 )
-from tactile_core.figures.style import png, policy_lines
+from tactile_core.figures.style import OURS, POLICY_LINES, png, policy_lines
 
 POLICIES = ["random", "even", "diff", "total", "ours", "oracle"]
 
@@ -59,6 +59,27 @@ def test_a_policy_has_one_colour_in_all_figures() -> None:
     assert some == {name: colours[name] for name in some}
     trained = [policy_lines(POLICIES)[name].colour for name in ("diff", "total", "ours")]
     assert len(set(trained)) == 3
+
+
+def test_lines_are_told_apart_without_colour() -> None:
+    known = [line for lines in POLICY_LINES.values() for line in lines.values()]
+    for lines in (known, OURS):
+        looks = {(line.marker, line.dashes, line.filled) for line in lines}
+        assert len(looks) == len(lines)
+    assert not {line.marker for line in OURS} & {line.marker for line in known}
+
+
+def test_the_legend_groups_rules_the_report_s_policies_and_ours() -> None:
+    (legend,) = policy_curves(curve([*POLICIES, "more of ours"])).legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(names) == 4 * 3
+    columns = [names[start : start + 3] for start in (0, 3, 6, 9)]
+    assert columns == [
+        ["rules", "random", "even"],
+        ["the report's", "diff", "total"],
+        ["ours", "more of ours", "ours"],
+        ["know more", "oracle", ""],
+    ]
 
 
 def test_a_line_runs_through_the_means_inside_its_band() -> None:

@@ -1,22 +1,25 @@
 """Roll-outs as the report draws them, the animation, and sheets of shapes."""
 
+import dataclasses
 import io
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.text import Text
 from PIL import Image, ImageSequence
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, label
 
 from tactile_core.dataset.outlines import outline
 from tactile_core.evaluation.replay import Rollout
 from tactile_core.exploration.world.rays import candidate_rays, cast_rays, ray_ends
-from tactile_core.figures.animation import HEADER, SIDE, rollout_gif
+from tactile_core.figures.animation import rollout_gif
 from tactile_core.figures.rollouts import runs_figure, steps_figure
+from tactile_core.figures.scene import PANEL, SIDE
 from tactile_core.figures.sheets import crop, mask_sheet, reconstruction_sheet, tile, touch_sheet
-from tactile_core.figures.style import PINK, YELLOW, png
+from tactile_core.figures.style import MUTED, PINK, RAY, SHAPE, TINT, YELLOW, blend, png
 
 R = 64
 
@@ -60,6 +63,19 @@ def test_figure_2_has_a_panel_for_every_ray_and_says_which_missed() -> None:
     assert [title.split(":")[0] for title in titles if "missed" in title] == missed
 
 
+@pytest.mark.parametrize("draw", [steps_figure, lambda run: runs_figure([run])])
+def test_figures_2_and_3_name_policy_class_and_signs_in_upright_words(draw) -> None:
+    figure = draw(dataclasses.replace(rollout(), category="mug"))
+    figure.draw_without_rendering()
+    words = [text for text in figure.findobj(Text) if text.get_text()]
+    assert any("even, mug" in text.get_text() for text in words)
+    assert all(text.get_rotation() == 0 for text in words)
+    (legend,) = figure.legends
+    assert {"object", "reconstruction", "ray", "touch"} < {
+        text.get_text() for text in legend.get_texts()
+    }
+
+
 def test_each_panel_of_figure_2_shows_the_touches_held_by_then() -> None:
     run = rollout()
     for step, axes in enumerate(steps_figure(run).axes):
@@ -86,7 +102,7 @@ def test_the_animation_is_small_endless_and_repeats_to_the_byte() -> None:
     data = rollout_gif(rollout())
     image = Image.open(io.BytesIO(data))
     assert len(data) < 300_000
-    assert image.width == SIDE
+    assert image.size == (SIDE + PANEL, SIDE)
     assert image.info["loop"] == 0
     assert data == rollout_gif(rollout())
 
@@ -96,9 +112,9 @@ def test_the_animation_lasts_some_seconds_and_ends_on_every_touch_and_the_predic
     image = Image.open(io.BytesIO(rollout_gif(run)))
     frames = [(colours(frame), frame.info["duration"]) for frame in ImageSequence.Iterator(image)]
     assert 5_000 < sum(duration for _, duration in frames) < 15_000
-    scene = frames[-1][0][HEADER : HEADER + SIDE]
+    scene = frames[-1][0][:, :SIDE]
     scale = SIDE / R
-    yellow, pink = near(scene, YELLOW, 40), near(scene, PINK, 40)
+    yellow, pink = near(scene, YELLOW, 40), near(scene, to_hex(blend(SHAPE, PINK, TINT)), 40)
     for row, column in run.touches[run.touches[:, 0] >= 0]:
         assert yellow[int((row + 0.5) * scale), int((column + 0.5) * scale)]
     sure = np.kron(run.predictions[-1] > 0.95, np.ones((int(scale), int(scale)), bool))
@@ -106,10 +122,32 @@ def test_the_animation_lasts_some_seconds_and_ends_on_every_touch_and_the_predic
     assert not pink[~np.kron(run.predictions[-1] > 0.2, np.ones((5, 5), bool))].any()
 
 
-def test_the_animation_begins_before_anything_is_known() -> None:
+@pytest.mark.parametrize("first", [0, 1, 3])
+def test_the_animation_begins_with_the_first_touch(first: int) -> None:
+    run = rollout()
+    run.touches[:first] = -1
+    run.touches[first] = (41, 20)
+    begun = colours(Image.open(io.BytesIO(rollout_gif(run))))[:, :SIDE]
+    dots, count = label(near(begun, YELLOW, 40))
+    assert count == 1
+    row, column = np.argwhere(dots).mean(axis=0) * R / SIDE - 0.5
+    assert (round(row), round(column)) == (41, 20)
+    assert near(begun, RAY, 40).any()
+
+
+def test_a_rollout_without_a_touch_is_an_animation_too() -> None:
+    run = rollout()
+    run.touches[:] = -1
+    begun = colours(Image.open(io.BytesIO(rollout_gif(run))))[:, :SIDE]
+    assert not near(begun, YELLOW, 40).any()
+
+
+def test_the_animation_is_light_and_has_a_legend_of_every_sign() -> None:
     first = colours(Image.open(io.BytesIO(rollout_gif(rollout()))))
-    assert not near(first, PINK, 40).any()
-    assert not near(first, YELLOW, 40).any()
+    assert (first > 240).all(axis=-1).mean() > 0.6
+    beside = first[:, SIDE:]
+    for sign in (SHAPE, to_hex(blend("white", PINK, TINT)), RAY, YELLOW, MUTED):
+        assert near(beside, sign, 30).sum() > 20, sign
 
 
 @settings(max_examples=30, deadline=None)
