@@ -14,7 +14,7 @@ import pandas as pd
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.base import Policy
-from tactile_core.exploration.policies.references import find_reference
+from tactile_core.exploration.policies.references import REFERENCES, find_reference
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.keys import work_key
 from tactile_core.machine import processors
@@ -200,11 +200,12 @@ def how_far(castings: list[Casting], seconds: float) -> str:
 
 
 def with_references(policies: Sequence[Policy], settings: RolloutSettings) -> list[Policy]:
-    """The reference policies that `settings` name, then the trained ones.
+    """The reference policies that `settings` name, or all there are, then the trained ones.
 
     Raises `TactileError` where two have one name and seed: no table could tell them apart.
     """
-    every = [*map(find_reference, settings.references), *policies]
+    names = REFERENCES if settings.references is None else settings.references
+    every = [*map(find_reference, names), *policies]
     twice = [who for who, n in Counter((one.name, one.seed) for one in every).items() if n > 1]
     if twice:
         name, seed = twice[0]

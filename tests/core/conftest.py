@@ -17,6 +17,7 @@ from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, UNetSettings
+from tests.core.small_run import small_run
 from tests.shared import once
 
 
@@ -115,3 +116,15 @@ def knowing_unet(shapes, tmp_path_factory) -> TrainedUNet:
 def either_reconstructor(request) -> Reconstructor:
     """One after the other: a U-Net that sees touches only, and one that sees free space too."""
     return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def home(tmp_path_factory, shapes, unet) -> Path:
+    """A home with what a run leaves there, see `small_run`; not to be changed."""
+
+    def run() -> Path:
+        folder = tmp_path_factory.mktemp("home")
+        small_run(folder, shapes, unet)
+        return folder
+
+    return once(tmp_path_factory, "home", run)

@@ -5,12 +5,9 @@ from pydantic import ValidationError
 
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.approaches import APPROACHES, find_approach
-from tactile_core.exploration.policies import references
-from tactile_core.exploration.policies.references import find_reference
 from tactile_core.exploration.policies.scorer import ANGLES, OFFSETS
 from tactile_core.settings import (
     PROFILES,
-    REFERENCES,
     EvaluationSettings,
     GainSettings,
     MaskSettings,
@@ -27,10 +24,10 @@ from tactile_core.settings import (
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
-def test_every_profile_names_approaches_and_references_that_exist(profile):
+def test_every_profile_names_approaches_that_exist_and_leaves_out_no_rule(profile):
     names = profile.policies.approaches or list(APPROACHES)
     assert [find_approach(name).name for name in names] == names
-    assert [find_reference(name).name for name in profile.rollouts.references]
+    assert profile.rollouts.references is None  # every one there is
 
 
 @pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
@@ -111,7 +108,6 @@ def test_a_misspelt_setting_is_refused():
         (RolloutSettings, {"ray_limit": 9}, "count (10) exceeds ray_limit (9)"),
         (RolloutSettings, {"ray_limit": 10**19}, "ray_limit = 10000000000000000000"),
         (RolloutSettings, {"references": ["even", "even"]}, "references names 'even' twice"),
-        (RolloutSettings, {"references": ["evn"]}, "'evn' is unknown: choose from random, even"),
         (RolloutSettings, {"choices": []}, "choices = []"),
         (
             RolloutSettings,
@@ -135,10 +131,6 @@ def test_settings_that_cannot_be_honoured_are_refused_in_one_line(settings, fiel
         settings(**fields)
     assert reason in problems(refused.value)
     assert "\n" not in problems(refused.value)
-
-
-def test_the_names_of_the_reference_policies_are_those_that_there_are():
-    assert tuple(references.REFERENCES) == REFERENCES
 
 
 def test_no_more_touches_may_be_tried_than_there_are_candidate_rays():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_core.exploration.policies.references import GOLDEN, towards_middle
+from tactile_core.exploration.policies.rules import GOLDEN, towards_middle
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import content_hash
 

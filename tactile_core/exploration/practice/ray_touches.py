@@ -11,7 +11,7 @@ import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.exploration.policies.references import GOLDEN, towards_middle
+from tactile_core.exploration.policies.rules import GOLDEN, towards_middle
 from tactile_core.exploration.world.circle import circle_pixels
 from tactile_core.exploration.world.rays import RAYS, candidate_rays, cast_rays, mark_free
 from tactile_core.files import content_hash

@@ -12,7 +12,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.acting import find_policy
 from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.reconstruction.inference import Reconstructor
-from tests.core.exploration.conftest import TRAINED
+from tests.core.small_run import TRAINED
 
 NAME = f"tactile_core:{ENV_ID}"
 EVERY = [*REFERENCES, *TRAINED, "recall"]

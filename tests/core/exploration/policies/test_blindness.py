@@ -9,7 +9,7 @@ from tactile_core.exploration.policies.references import REFERENCES, find_refere
 from tactile_core.exploration.policies.store import load_policies
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.reconstruction.inference import Reconstructor
-from tests.core.exploration.conftest import TRAINED
+from tests.core.small_run import TRAINED
 
 # One approach of each kind of trained policy.
 KINDS = {find_approach(name).learner: name for name in TRAINED}

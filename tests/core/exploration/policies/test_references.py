@@ -9,14 +9,8 @@ from hypothesis import strategies as st
 from skimage.draw import line
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration.policies.references import (
-    REFERENCES,
-    even,
-    find_reference,
-    oracle,
-    ray_through,
-    uncertainty,
-)
+from tactile_core.exploration.policies.references import REFERENCES, find_reference
+from tactile_core.exploration.policies.rules import even, oracle, ray_through, uncertainty
 from tactile_core.exploration.world.circle import circle_pixels, middle
 from tactile_core.exploration.world.rays import candidate_rays, cast_rays
 from tactile_core.exploration.world.state import Explorations

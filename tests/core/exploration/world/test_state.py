@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_core.exploration.policies.references import towards_middle
+from tactile_core.exploration.policies.rules import towards_middle
 from tactile_core.exploration.world.rays import candidate_rays
 from tactile_core.exploration.world.state import ARRAYS, Explorations
 from tactile_core.reconstruction.jaccard import jaccard_index
