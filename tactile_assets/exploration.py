@@ -77,7 +77,9 @@ def train_policy(
             work=store.work("policies", training.name),
             progress=context.log.info,
         )
-    except TactileError as error:
+    except Exception as error:
+        if isinstance(error, OSError | MemoryError):  # of the machine or its network: it may pass
+            raise
         raise dg.Failure(str(error), allow_retries=False) from error
     return training.model_copy(update={"version": version})
 

@@ -1,7 +1,13 @@
 """What every step of a run imports: the fork server loads it once, and steps start quickly."""
 
+import os
+
 import matplotlib.figure  # noqa: F401
 import numba  # noqa: F401
 import torch  # noqa: F401
 
 import tactile_assets.definitions  # noqa: F401
+from tactile_core.processes import end_with_parent
+
+# A step that outlived a killed run would write into the next one; the fork server ends with it.
+os.register_at_fork(after_in_child=end_with_parent)

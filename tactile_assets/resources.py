@@ -54,6 +54,11 @@ class Store(dg.ConfigurableResource):
         if steps.exists():
             steps.fs.rm(steps.path, recursive=True)
 
+    def stored_steps(self) -> set[str]:
+        """The runs whose steps have left something for each other."""
+        steps = self.path("steps")
+        return {folder.name for folder in steps.iterdir()} if steps.exists() else set()
+
     def previous(self, asset: str) -> pd.DataFrame | None:
         """The table that `asset` stored in an earlier run, if there is one and it can be read."""
         try:

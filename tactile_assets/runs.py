@@ -14,7 +14,9 @@ from dagster import DagsterRunStatus
 from tactile_assets.dagster_internals import interruptible
 from tactile_assets.resources import Store
 from tactile_core.claims import claimed
+from tactile_core.files import remove_parts
 from tactile_core.processes import Worker
+from tactile_core.ray_folders import remove_dead_rays
 
 HOST, PID, SINCE = "tactile/host", "tactile/pid", "tactile/since"  # tags of a run
 UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
@@ -44,7 +46,7 @@ class OneAtATime(dg.Executor):
                 for folder in self.store.local_folders():
                     name = f"run {run.run_id} ({worker})"
                     claims.enter_context(claimed(folder, name, log.info))
-            for sentence in end_dead_runs(instance):
+            for sentence in [*end_dead_runs(instance), *clear_up(self.store, instance, run)]:
                 log.info(sentence)
             yield from self.executor.execute(plan_context, execution_plan)
 
@@ -90,3 +92,23 @@ def end_dead_runs(instance: dg.DagsterInstance) -> list[str]:
             instance.report_run_failed(run, sentence)
         sentences.append(f"run {run.run_id} has ended: {sentence}")
     return sentences
+
+
+def clear_up(store: Store, instance: dg.DagsterInstance, run: dg.DagsterRun) -> list[str]:
+    """Remove what killed runs left behind, but for the steps that `run` goes on from; in a
+    sentence, if there was anything. The home and the store must be claimed."""
+    parts = sum(map(remove_parts, store.local_folders()))
+    rays = remove_dead_rays()
+    kept = {run.run_id, run.parent_run_id, run.root_run_id}
+    steps = [left for left in store.stored_steps() - kept if is_over(instance, left)]
+    for left in steps:
+        store.forget_steps(left)
+    found = {"half-written files": parts, "local Rays": rays, "runs' steps": len(steps)}
+    words = ", ".join(f"{number} {what}" for what, number in found.items() if number)
+    return [f"removed what killed runs left behind: {words}"] if words else []
+
+
+def is_over(instance: dg.DagsterInstance, run_id: str) -> bool:
+    """Whether a run is known here and finished: another home may work in the same store."""
+    run = instance.get_run_by_id(run_id)
+    return run is not None and run.is_finished

@@ -7,16 +7,17 @@ asked for a token can run code in it. So a local Ray asks, and its secret lies i
 import logging
 import os
 import secrets
+import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import ray
 
+from tactile_core import ray_folders
 from tactile_core.errors import TactileError
 from tactile_core.machine import processors
 
@@ -27,8 +28,6 @@ QUIET_RAY = {
     "RAY_USAGE_STATS_ENABLED": "0",
 }
 CONNECT_SECONDS, ANSWER_SECONDS = 5, 40
-# A socket's path has 107 bytes at most, and Ray puts some 70 of its own below this folder.
-LONGEST_FOLDER = 30
 
 
 @contextmanager
@@ -52,18 +51,21 @@ def running_ray(concurrent: int, token: Path) -> Iterator[None]:
         for name in ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN"):
             os.environ.pop(name, None)
         forget_token()
+        os.environ[ray_folders.VARIABLE] = str(ray_folders.own_folder())
         ray.init(
             "local",
             num_cpus=max(concurrent, processors()),
             include_dashboard=False,
             log_to_driver=False,
             logging_level=logging.ERROR,
-            _temp_dir=str(short_folder() / "ray"),
+            _temp_dir=str(ray_folders.own_folder()),
         )
     try:
         yield
     finally:
         ray.shutdown()
+        if not address:
+            shutil.rmtree(ray_folders.own_folder(), ignore_errors=True)
 
 
 def forget_token() -> None:
@@ -114,16 +116,4 @@ def nobody_there(address: str, reason: str) -> TactileError:
     return TactileError(
         f"RAY_ADDRESS={address} names a Ray cluster that cannot be reached ({reason}): correct or "
         "start it, or unset RAY_ADDRESS to search on this machine"
-    )
-
-
-def short_folder() -> Path:
-    """A folder for temporary files whose path leaves room for the names of Ray's sockets."""
-    wanted = os.environ.get("RAY_TMPDIR") or tempfile.gettempdir()
-    for folder in (wanted, "/tmp", "/var/tmp", "/dev/shm"):
-        if len(folder.encode()) <= LONGEST_FOLDER and os.access(folder, os.W_OK | os.X_OK):
-            return Path(folder)
-    raise TactileError(
-        f"{wanted} is too long a path for Ray's sockets: set RAY_TMPDIR to a folder of at most "
-        f"{LONGEST_FOLDER} letters"
     )

@@ -1,9 +1,11 @@
 """Files that appear whole or not at all, and hashes of what they hold."""
 
 import contextlib
+import errno
 import hashlib
 import io
 import os
+import re
 import tempfile
 import uuid
 from collections.abc import Iterator
@@ -17,14 +19,56 @@ import pyarrow.parquet as pq
 from upath import UPath
 
 from tactile_core.checksums import is_whole_parquet, sealed_parquet
-from tactile_core.errors import DamagedError
+from tactile_core.errors import DamagedError, TactileError
+
+PART = re.compile(r"\.[0-9a-f]{32}\.part")  # a file while it is written
+# What no second try mends, and what does.
+REMEDIES = {
+    errno.ENOSPC: "make room",
+    errno.EDQUOT: "make room",
+    errno.EFBIG: "allow larger files",
+    errno.EROFS: "mount it to be written to, or name another store",
+    errno.EACCES: "allow it to be written to, or name another store",
+    errno.EPERM: "allow it to be written to, or name another store",
+}
 
 
 @contextlib.contextmanager
 def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
-    """Open `path` for binary writing; it appears under its name only when the block succeeds.
+    """Open `path` to write bytes; it appears under its name only when the block succeeds.
 
-    On a disk it is written aside and renamed. An object store has no rename, but an object there
+    Raises `TactileError` where the disk is full or the place is not to be written to.
+    """
+    try:
+        with _written_whole(path) as file:
+            yield file
+    except OSError as error:
+        if error.errno not in REMEDIES:
+            raise
+        raise TactileError(
+            f"{path} cannot be written ({error.strerror}): {REMEDIES[error.errno]}, then run again"
+        ) from error
+
+
+def remove_parts(folder: Path) -> int:
+    """Remove the half-written files below `folder`, where nobody else writes; how many they were.
+
+    Downloads, which go on where they broke off, have other names.
+    """
+    parts = [
+        Path(place, name)
+        for place, _, names in os.walk(folder)
+        for name in names
+        if PART.fullmatch(name)
+    ]
+    for part in parts:
+        part.unlink(missing_ok=True)
+    return len(parts)
+
+
+@contextlib.contextmanager
+def _written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
+    """On a disk it is written aside and renamed. An object store has no rename, but an object there
     appears when it has been sent: it is written on this machine first.
     """
     target = UPath(path)

@@ -10,8 +10,9 @@ import dagster as dg
 import pytest
 from dagster import DagsterRunStatus
 
-from tactile_assets.runs import HOST, PID, SINCE, end_dead_runs, tags_of
+from tactile_assets.runs import HOST, PID, SINCE, clear_up, end_dead_runs, tags_of
 from tactile_core.claims import claimed
+from tactile_core.files import written_whole
 from tactile_core.processes import Worker
 from tests.assets.running import Platform, begin
 
@@ -108,3 +109,26 @@ def test_a_later_process_of_the_same_number_does_not_stand_for_the_run(platform,
 def test_nothing_is_known_of_the_processes_of_other_machines(platform, killed):
     elsewhere = {HOST: "another.example"}
     assert unfinished(platform, killed, **elsewhere) == DagsterRunStatus.STARTED
+
+
+def test_what_killed_runs_left_is_removed_but_for_the_steps_that_a_run_goes_on_from(platform):
+    store, instance = platform.store, platform.instance
+    failed, parent, under_way = (
+        instance.create_run_for_job(nothing, status=status)
+        for status in (
+            DagsterRunStatus.FAILURE, DagsterRunStatus.FAILURE, DagsterRunStatus.STARTED
+        )
+    )  # fmt: skip
+    again = instance.create_run_for_job(
+        nothing, parent_run_id=parent.run_id, root_run_id=parent.run_id
+    )
+    for run in (failed, parent, under_way):
+        with written_whole(store.path("steps", run.run_id, "plan.json")) as file:
+            file.write(b"{}")
+    half = platform.home / "cache" / "unet" / f".{'0' * 32}.part"
+    half.parent.mkdir(parents=True)
+    half.write_text("")
+    [said] = clear_up(store, instance, again)
+    assert "1 half-written files, " in said and "1 runs' steps" in said
+    assert store.stored_steps() == {parent.run_id, under_way.run_id}
+    assert not half.exists()

@@ -3,6 +3,7 @@
 import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import dagster as dg
 import pytest
@@ -13,6 +14,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import train as core
 from tactile_core.files import read_table
 from tactile_core.reconstruction.trained import load_unet
+from tests.disks import small_disk
 
 ONE = {
     "ops": {"policies": {"config": {"approaches": ["total"], "seeds": [3], "steps_per_stage": 256}}}
@@ -55,6 +57,29 @@ def test_a_training_that_a_user_has_to_mend_is_not_tried_again(copy_of_chain, fa
     with pytest.raises(dg.Failure, match="batch_size is too large"):
         copy_of_chain.materialise("policies", config=ONE)
     assert not copy_of_chain.store.path("policies", "total-3").exists()
+
+
+def test_a_fault_in_the_code_is_not_tried_again(copy_of_chain, failing):
+    failing.error = TypeError("rays must be integers")
+    with pytest.raises(dg.Failure, match="rays must be integers"):
+        copy_of_chain.materialise("policies", config=ONE)
+
+
+def test_a_full_store_stops_a_training_in_one_line_and_keeps_what_it_holds(chain, platform):
+    artifacts = platform.home / "artifacts"
+    with small_disk(artifacts, kilobytes=40_000) as fill:
+        shutil.copytree(chain.home / "artifacts", artifacts, dirs_exist_ok=True)
+        before = {file: file.read_bytes() for file in files_in(artifacts)}
+        fill()
+        result = platform.materialise("policies", config=ONE, raise_on_error=False)
+        said = str(result.all_events)
+        assert "cannot be written (No space left on device): make room" in said
+        assert not retries(result)
+        assert {file: file.read_bytes() for file in files_in(artifacts)} == before
+
+
+def files_in(folder: Path) -> list[Path]:
+    return [file for file in folder.rglob("*") if file.is_file() and file.name != "filled"]
 
 
 def planned(platform, unet, **fields) -> list[str]:

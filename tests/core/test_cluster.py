@@ -7,12 +7,14 @@ import subprocess
 import sys
 import threading
 
+import psutil
 import pytest
 import ray
 
 from tactile_core import cluster
-from tactile_core.cluster import check_answers, ready_token, running_ray, short_folder
+from tactile_core.cluster import check_answers, ready_token, running_ray
 from tactile_core.errors import TactileError
+from tactile_core.ray_folders import remove_dead_rays, short_folder
 
 JOIN = """
 import ray, sys
@@ -138,3 +140,30 @@ def test_sockets_lie_where_their_paths_are_short_enough(monkeypatch, tmp_path):
     assert str(short_folder()) == "/tmp"
     monkeypatch.setenv("RAY_TMPDIR", "/var/tmp")
     assert str(short_folder()) == "/var/tmp"
+
+
+WORKS = """
+import ray, sys, time
+from pathlib import Path
+from tactile_core.cluster import running_ray
+with running_ray(1, Path(sys.argv[1])):
+    worker = ray.remote(lambda: __import__("os").getpid())
+    print(ray.get(worker._remote()), flush=True)
+    ray.get(ray.remote(lambda: time.sleep(600))._remote())
+"""
+
+
+def test_a_killed_driver_leaves_no_folder_and_no_process(tmp_path):
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+    with subprocess.Popen(
+        [sys.executable, "-c", WORKS, str(tmp_path / "token")],
+        env=plain, stdout=subprocess.PIPE, text=True,
+    ) as driver:  # fmt: skip
+        worker = int(driver.stdout.readline())
+        folder = short_folder() / f"ray-{driver.pid}"
+        assert folder.is_dir() and psutil.pid_exists(worker)
+        driver.kill()
+    assert remove_dead_rays() >= 1
+    assert not folder.exists()
+    psutil.wait_procs([psutil.Process(worker)] if psutil.pid_exists(worker) else [], timeout=60)
+    assert not psutil.pid_exists(worker)

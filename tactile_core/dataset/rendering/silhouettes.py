@@ -23,6 +23,7 @@ from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import DamagedError, TactileError
 from tactile_core.keys import work_key
 from tactile_core.machine import processors
+from tactile_core.processes import end_with_parent
 from tactile_core.settings import MaskSettings
 
 EMPTY = "no pixel lies inside its silhouette"
@@ -193,7 +194,9 @@ def _in_processes(
     for start in range(0, len(jobs), per_pool):
         batch = jobs[start : start + per_pool]
         tasks = [batch[i : i + MESHES_PER_TASK] for i in range(0, len(batch), MESHES_PER_TASK)]
-        with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=spawn) as pool:
+        with ProcessPoolExecutor(
+            min(workers, len(tasks)), mp_context=spawn, initializer=end_with_parent
+        ) as pool:
             done = [pool.submit(_render_all, t, root, resolution, platform) for t in tasks]
             try:
                 for future in done:
