@@ -36,7 +36,10 @@ def main() -> None:
     print(text_table(reconstruction_rows(reconstruction)))
     for name, table in evaluations.items():
         heading(HEADINGS[name])
-        print(text_table(results_of(table, made[name]).rows))
+        results = results_of(table, made[name])
+        print(text_table(results.rows))
+        if results.note:
+            print(results.note)
 
     samples = f"{evaluations['per_step']['sample_id'].nunique()} test samples"
     if "real_per_step" in evaluations:

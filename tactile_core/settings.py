@@ -25,6 +25,8 @@ RESOLUTION = Field(
 LARGEST_SEED = 2**32 - 1  # of NumPy's global generator, which BOHB and Stable-Baselines3 seed
 SEED = Field(0, ge=0, le=LARGEST_SEED, description="Seed of every random choice in this stage.")
 
+SHAPENET_CLASSES = {"mug": "03797390", "bottle": "02876657"}
+
 Renderer = Literal["auto", "pyrender", "rasteriser"]
 RENDERER: Any = Field("auto", description="auto: pyrender where OpenGL works, else the rasteriser.")
 
@@ -83,10 +85,11 @@ class MeshSettings(Settings):
         "<class>/ for each class; empty: meshes are generated. $NAME: the address in that "
         "variable, where it holds a password or signature.",
     )
-    classes: dict[str, str] = Field(
-        {"mug": "03797390", "bottle": "02876657"},
+    classes: dict[str, str] | None = Field(
+        None,
         min_length=1,
-        description="Class name → ShapeNet synset, or the URL of its archive (or $NAME, likewise).",
+        description="Class name → ShapeNet synset, or the URL of its archive (or $NAME, likewise). "
+        "Unset: mug and bottle or, where the location holds neither synset, its own folders.",
     )
     procedural_models: dict[str, Meshes] = Field(
         {"mug": 214, "bottle": 498},
@@ -100,11 +103,16 @@ class MeshSettings(Settings):
     )
     seed: int = SEED
 
+    @property
+    def named_classes(self) -> dict[str, str]:
+        """`classes`, or the report's two."""
+        return SHAPENET_CLASSES if self.classes is None else self.classes
+
     @model_validator(mode="after")
     def _hold_together(self) -> Self:
-        once_each("classes", list(self.classes.values()))
+        once_each("classes", list(self.named_classes.values()))
         for name in self.sha256:
-            if name not in self.classes:
+            if name not in self.named_classes:
                 raise ValueError(f"sha256 names {name!r}, which is no class of `classes`")
         return self
 

@@ -49,6 +49,8 @@ def evaluate(own: str, actions: Any, channels: tuple[Any, ...]) -> None:
     compared[1] = grasps.comparison.set_index("policy").loc[name].to_numpy()
     compared.columns = [f"{name} on the same samples", "per step", "per grasp"]
     click.echo(text_table(compared))
+    if steps.note:
+        click.echo(steps.note)
     models = len(run.test.models())
     click.echo(
         f"{len(run.test)} test samples of {models} models, on none of which the U-Net was trained; "

@@ -34,6 +34,7 @@ from tactile_core.dataset.sources.places import (
     is_address,
     is_http,
     open_place,
+    with_classes,
 )
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, written_whole
@@ -78,6 +79,7 @@ def collect_meshes(
     Raises `TactileError` where a class is found nowhere, has an archive that is damaged or
     refused, or keeps no usable mesh.
     """
+    settings = with_classes(settings)
     _check_apart(settings, root)
     with contextlib.ExitStack() as stack:
         found, sources = _find_meshes(settings, cache / "archives", stack, progress)
@@ -116,7 +118,7 @@ def _find_meshes(
     meshes = sorted(with_unique_ids(meshes), key=lambda mesh: (mesh.category, mesh.model_id))
     if renamed := [mesh.model_id for mesh in meshes if mesh.model_id not in known]:
         logger.warning("%d meshes share their names: %s, …", len(renamed), ", ".join(renamed[:3]))
-    by_class = {name: [m for m in meshes if m.category == name] for name in settings.classes}
+    by_class = {name: [m for m in meshes if m.category == name] for name in settings.named_classes}
     for category, of_class in by_class.items():
         if not of_class:
             raise TactileError(
@@ -129,7 +131,7 @@ def _find_meshes(
 
 
 def _generated(settings: MeshSettings, elsewhere: set[str]) -> list[MeshFile]:
-    classes = {name: s for name, s in settings.classes.items() if name not in elsewhere}
+    classes = {name: s for name, s in settings.named_classes.items() if name not in elsewhere}
     if not classes:
         return []
     models = procedural_models(settings.model_copy(update={"classes": classes}))
@@ -248,7 +250,7 @@ def _collect(mesh: MeshFile, root: UPath, present: dict[str, int]) -> dict[str, 
 
 
 def _check_usable(manifest: pd.DataFrame, settings: MeshSettings) -> None:
-    for category in sorted(settings.classes):
+    for category in sorted(settings.named_classes):
         rows = manifest[manifest["category"] == category]
         if not (rows["status"] == "ok").any():
             first = rows.iloc[0]
@@ -260,7 +262,7 @@ def _check_usable(manifest: pd.DataFrame, settings: MeshSettings) -> None:
 
 def _check_apart(settings: MeshSettings, root: UPath) -> None:
     """The meshes under `root` come and go, so no source of meshes may lie there."""
-    own = [value for value in settings.classes.values() if is_address(value)]
+    own = [value for value in settings.named_classes.values() if is_address(value)]
     for setting in own + ([settings.location] if settings.location else []):
         address = full(setting)
         local_root = as_local(root)

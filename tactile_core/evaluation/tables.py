@@ -27,15 +27,21 @@ REPORT_LAST = {
     | dict.fromkeys(("diff", "total", "total_miss"), "≈ 80"),
 }
 NONE = "-"
+NO_INTERVAL = "There is no interval over models: each class has one, which stands for no other."
+SAME = 1e-9  # what is nearer than that in every resample has no interval
 
 
 class PolicyResults(NamedTuple):
-    """An evaluation in numbers, as `mean_curve` and `summarise_…` give them, and in words."""
+    """An evaluation in numbers, as `mean_curve` and `summarise_…` give them, and in words.
+
+    note : what to know of its intervals; empty where they are over models
+    """
 
     curve: pd.DataFrame
     summary: pd.DataFrame
     rows: pd.DataFrame
     comparison: pd.DataFrame
+    note: str
 
 
 def policy_results(table: pd.DataFrame, index: str, resamples: int, seed: int) -> PolicyResults:
@@ -45,7 +51,13 @@ def policy_results(table: pd.DataFrame, index: str, resamples: int, seed: int) -
         "grasp": (summarise_grasps, grasp_rows),
     }[index]
     curve, summary = mean_curve(table, index, resamples, seed), summarise(table, resamples, seed)
-    return PolicyResults(curve, summary, rows(curve, summary), comparison_rows(summary))
+    note = NO_INTERVAL if one_model_of_each_class(table) else ""
+    return PolicyResults(curve, summary, rows(curve, summary), comparison_rows(summary), note)
+
+
+def one_model_of_each_class(table: pd.DataFrame) -> bool:
+    """Whether models cannot be drawn, as there is only one in each category."""
+    return bool((table.groupby("category")["model_id"].nunique() == 1).all())
 
 
 def step_rows(curve: pd.DataFrame, summary: pd.DataFrame) -> pd.DataFrame:
@@ -148,27 +160,31 @@ def quantity(row: pd.Series, name: str) -> tuple[float, float, float]:
 
 
 def around(value: float, low: float, high: float) -> str:
-    """87.5 ±1.0"""
-    return NONE if pd.isna(low) else f"{value:.1f} ±{(high - low) / 2:.1f}"
+    """87.5 ±1.0; without ± where it is the same in every resample, here and below"""
+    if pd.isna(low):
+        return NONE
+    return f"{value:.1f}" + (f" ±{(high - low) / 2:.1f}" if high - low > SAME else "")
 
 
 def above(value: float, low: float, high: float) -> str:
     """+3.4 (2.9 to 3.9), in Jaccard points"""
-    return NONE if pd.isna(low) else f"{value:+.1f} ({low:.1f} to {high:.1f})"
+    if pd.isna(low):
+        return NONE
+    return f"{value:+.1f}" + (f" ({low:.1f} to {high:.1f})" if high - low > SAME else "")
 
 
 def around_percent(value: float, low: float, high: float) -> str:
-    """A share as 82 ±3 %; without ± where it is the same in every resample"""
+    """A share as 82 ±3 %"""
     if pd.isna(low):
         return NONE
-    return (
-        f"{100 * value:.0f} %" if low == high else f"{100 * value:.0f} ±{50 * (high - low):.0f} %"
-    )
+    return f"{100 * value:.0f}" + (f" ±{50 * (high - low):.0f} %" if high - low > SAME else " %")
 
 
 def between(value: float, low: float, high: float) -> str:
     """0.73 (0.69-0.78)"""
-    return NONE if pd.isna(low) else f"{value:.2f} ({low:.2f}-{high:.2f})"
+    if pd.isna(low):
+        return NONE
+    return f"{value:.2f}" + (f" ({low:.2f}-{high:.2f})" if high - low > SAME else "")
 
 
 def percent(share: float) -> str:

@@ -18,7 +18,7 @@ from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, UNetSettings
 from tests.core.small_run import small_run
-from tests.shared import once
+from tests.shared import once, shared_folder
 
 
 @pytest.fixture(scope="session")
@@ -122,9 +122,10 @@ def either_reconstructor(request) -> Reconstructor:
 def home(tmp_path_factory, shapes, unet) -> Path:
     """A home with what a run leaves there, see `small_run`; not to be changed."""
 
-    def run() -> Path:
-        folder = tmp_path_factory.mktemp("home")
-        small_run(folder, shapes, unet)
-        return folder
+    folder = shared_folder(tmp_path_factory) / "small_run"
 
-    return once(tmp_path_factory, "home", run)
+    def run() -> None:
+        small_run(folder, shapes, unet)
+
+    once(tmp_path_factory, "small_run_made", run)
+    return folder

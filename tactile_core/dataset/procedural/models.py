@@ -32,7 +32,7 @@ def procedural_models(
     bounding-box diagonal of 1 and mug handles towards +X. Raises `TactileError`, before the
     first model, where a class has no generator.
     """
-    unknown = sorted({*settings.classes, *settings.procedural_models} - set(GENERATORS))
+    unknown = sorted({*settings.named_classes, *settings.procedural_models} - set(GENERATORS))
     if unknown:
         raise TactileError(
             f"procedural_models: no generator for class {unknown[0]!r}; known are "
@@ -40,7 +40,7 @@ def procedural_models(
         )
     return (
         (category, _model_id(settings.seed, name), partial(_build, category, settings.seed, name))
-        for category in settings.classes
+        for category in settings.named_classes
         for name in (f"{category} {k}" for k in range(settings.procedural_models.get(category, 0)))
     )
 

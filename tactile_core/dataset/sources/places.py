@@ -1,7 +1,8 @@
 """Where the meshes of each class lie, and whether they have changed.
 
 A class is found at the location as `<synset>.zip`, as an extracted `<synset>/`, or as
-`<class>/`, a folder of a user's own objects; or it has an archive or a folder of its own.
+`<class>/`, a folder of a user's own objects; or it has an archive or a folder of its own. A user's
+own folders need not be named anywhere: each is a class.
 """
 
 import os
@@ -9,7 +10,7 @@ import re
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from urllib.parse import urlsplit, urlunsplit
 
@@ -25,13 +26,40 @@ from tactile_core.dataset.sources.download import (
     verify_sha256,
 )
 from tactile_core.dataset.sources.folders import as_local, as_path, walk
+from tactile_core.dataset.sources.layouts import SUFFIXES
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
-from tactile_core.settings import MeshSettings
+from tactile_core.settings import SHAPENET_CLASSES, MeshSettings
 
 
 class MissingClassError(TactileError):
     """A class that is found nowhere."""
+
+
+def with_classes(settings: MeshSettings) -> MeshSettings:
+    """The same settings with `classes`: those that they name, or else the report's two.
+
+    Where none are named and the location is a folder without the two synsets, every folder in it
+    that holds meshes is a class, or the location itself where meshes lie in it loose.
+    """
+    if settings.classes is not None:
+        return settings
+    found = own_classes(settings.location) if settings.location else {}
+    return settings.model_copy(update={"classes": found or SHAPENET_CLASSES})
+
+
+def own_classes(location: str) -> dict[str, str]:
+    """The classes that a user's own folders are; none where there is nothing to be listed."""
+    if is_http(address := full(location)) or _kind(root := as_path(address)) != "folder":
+        return {}
+    synsets = SHAPENET_CLASSES.values()
+    if any(_kind(root / name) for synset in synsets for name in (synset, f"{synset}.zip")):
+        return {}  # ShapeNet itself, whose million files are not to be listed
+    parts = [PurePosixPath(name).parts for name in walk(root).files]
+    meshes = [p for p in parts if p[-1].lower().endswith(SUFFIXES) and not p[0].startswith(".")]
+    if any(len(names) == 1 for names in meshes):
+        return {root.name: location if is_address(location) else f"./{location}"}
+    return {name: SHAPENET_CLASSES.get(name, name) for name in sorted({p[0] for p in meshes})}
 
 
 @dataclass(frozen=True)
@@ -56,7 +84,7 @@ def find_places(settings: MeshSettings) -> list[Place]:
     listed, `<synset>.zip` is taken to exist.
     """
     places = []
-    for category, value in sorted(settings.classes.items()):
+    for category, value in sorted(settings.named_classes.items()):
         _check_names(category, value)
         if is_address(value):
             places.append(_own_place(category, full(value)))
@@ -132,7 +160,7 @@ def source_fingerprint(settings: MeshSettings) -> Fingerprint:
     """
     versions = []
     unwatched = []
-    for category, value in sorted(settings.classes.items()):
+    for category, value in sorted(with_classes(settings).named_classes.items()):
         for place in find_places(settings.model_copy(update={"classes": {category: value}})):
             version = _version(place)
             versions.append((category, version))

@@ -15,6 +15,7 @@ from tactile_core.evaluation.tables import (
     hyperparameter_rows,
     markdown_table,
     percent,
+    policy_results,
     reconstruction_rows,
     step_rows,
     text_table,
@@ -94,8 +95,8 @@ def test_a_quantity_without_its_reference_is_a_dash() -> None:
     summary = summarise_steps(table)
     assert (step_rows(mean_curve(table), summary)[["gap at 10", "gap, mean"]] == "-").all(axis=None)
     compared = comparison_rows(summary).set_index("policy")
-    assert compared.loc["total", "P(> even), end"] == "0.00 (0.00-0.00)"
-    assert compared.loc["total", "above even, end"] == "-5.0 (-5.0 to -5.0)"
+    assert compared.loc["total", "P(> even), end"] == "0.00"
+    assert compared.loc["total", "above even, end"] == "-5.0"  # in every resample
     assert (compared[["P(> coverage), end", "above coverage, mean"]] == "-").all(axis=None)
 
 
@@ -104,6 +105,18 @@ def test_what_has_no_interval_is_a_dash() -> None:
     nan = float("nan")
     for laid_out in (around, above, around_percent, between):
         assert laid_out(0.8, nan, nan) == "-"
+
+
+@pytest.mark.parametrize("index", ["step", "grasp"])
+def test_with_one_model_of_each_class_there_is_no_interval_and_it_is_said(index) -> None:
+    table = evaluation(index, POLICIES)
+    alone = policy_results(table[table["model_id"] == "m2"], index, resamples=50, seed=0)
+    assert "no interval over models" in alone.note
+    words = pd.concat([alone.rows, alone.comparison]).astype(str)
+    assert not words.apply(lambda cells: cells.str.contains("±| to |\\(0|\\(1")).any(axis=None)
+    assert alone.rows.set_index("policy").loc["even", "mean"] == "46.0"  # 80 · 5.5 / 10 + 2
+    several = policy_results(table, index, resamples=50, seed=0)
+    assert several.note == "" and "±" in several.rows["mean"].iloc[0]
 
 
 def test_the_reconstruction_table_stands_beside_the_report_s() -> None:

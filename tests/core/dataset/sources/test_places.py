@@ -87,6 +87,35 @@ def test_the_archive_of_a_class_may_have_an_address_of_its_own(collect, make_sto
     assert manifest["file"].tolist() == ["vase/x/model.obj", "vase/y/model.obj"]
 
 
+def test_folders_of_one_s_own_are_classes_without_being_named(tmp_path, collect):
+    make_folder(tmp_path / "source", {
+        "vase/a.obj": obj(), "vase/b.ply.txt": b"no mesh", "deep cup/c/d.obj": obj(2),
+        "notes/readme.txt": b"no mesh", ".trash/e.obj": obj(3), "mug/f.obj": obj(4),
+    })  # fmt: skip
+    manifest = collect(classes=None)
+    assert dict(zip(manifest["category"], manifest["synset"], strict=True)) == {
+        "deep cup": "deep cup", "mug": MUG, "vase": "vase",
+    }  # fmt: skip
+    assert (manifest["status"] == "ok").all()
+    before = fingerprint(tmp_path / "source", None)
+    make_folder(tmp_path / "source", {"bowl/g.obj": obj(5)})
+    assert fingerprint(tmp_path / "source", None) != before
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_folder_of_loose_meshes_is_one_class(tmp_path, collect, monkeypatch, relative):
+    make_folder(tmp_path / "vases", {"a.obj": obj(), "b.obj": obj(2)})
+    monkeypatch.chdir(tmp_path)
+    manifest = collect(classes=None, location="vases" if relative else tmp_path / "vases")
+    assert manifest[["category", "model_id"]].values.tolist() == [["vases", "a"], ["vases", "b"]]
+
+
+def test_where_a_synset_lies_the_report_s_two_classes_are_asked_for(tmp_path, collect):
+    make_folder(tmp_path / "source", {f"{MUG}/a/{V2}": obj(), "vase/b.obj": obj(2)})
+    assert "class 'bottle' (synset 02876657) is missing" in refusal(collect, classes=None)
+    assert "does not exist" in refusal(collect, classes=None, location=tmp_path / "nothing")
+
+
 def fingerprint(location, classes=ONE) -> str:
     return source_fingerprint(MeshSettings(classes=classes, location=str(location)))
 
