@@ -4,6 +4,7 @@ from importlib.util import find_spec
 
 import click
 
+from tactile_assets.paths import REPOSITORY
 from tactile_core.errors import TactileError
 
 
@@ -25,9 +26,29 @@ def publish(name: str | None, note: str | None) -> None:
     Without NAME, only the pages of what is published and the README's results are written anew.
     """
     need_dagster()
+    need_checkout()
     from tactile_assets.publish import main
 
     main(name, note)
+
+
+@click.command()
+def weights() -> None:
+    """Make the last run's weights those that the package ships.
+
+    They go to tactile_core/pretrained, with their provenance, once they were tested.
+    """
+    need_dagster()
+    need_checkout()
+    from tactile_assets.publish import run_facts
+    from tactile_assets.resources import Store
+    from tactile_assets.results import stored_evaluations
+    from tactile_core.evaluation.shipping import ship
+    from tactile_core.exploration.pretrained import FOLDER
+
+    store = Store.from_environment()
+    ship(store.path(), FOLDER, run_facts(stored_evaluations(store)), click.echo)
+    click.echo(f"Shipped from {FOLDER}")
 
 
 def need_dagster() -> None:
@@ -36,3 +57,9 @@ def need_dagster() -> None:
         raise TactileError(
             "this command needs Dagster: pip install 'tactile-exploration[platform]'"
         )
+
+
+def need_checkout() -> None:
+    """Raises `TactileError` where nothing but an installed package is there to be written to."""
+    if not (REPOSITORY / "pyproject.toml").is_file():
+        raise TactileError("this command writes into a checkout of the repository: run it in one")

@@ -14,7 +14,10 @@ ROOMS = {
         "seeds", "sources", "procedural", "geometry", "meshes", "rendering", "copies", "splits",
         "outlines", "shapes", "touches", "real", "drawings", "things",
     ],
-    "exploration": ["world", "policies", "learning", "practice", "environments", "acting"],
+    "exploration": [
+        "world", "policies", "learning", "practice", "pretrained", "at_hand", "environments",
+        "acting",
+    ],
 }  # fmt: skip
 
 

@@ -1,13 +1,16 @@
-"""One rollout, cast once more for drawing."""
+"""One rollout as a whole, for drawing: cast once more, or for the first time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.evaluation.rollouts import policy_rng
+from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.world.rays import ray_ends
-from tactile_core.exploration.world.state import Explorations
+from tactile_core.exploration.world.state import Cast, Explorations
 from tactile_core.reconstruction.inference import Reconstructor
 
 
@@ -38,18 +41,49 @@ def replayed(rows: pd.DataFrame, test: Shapes, index: int, reconstructor: Recons
 
     rows : of the table of rollouts, in the order of the rays
     """
-    explorations = Explorations(test.masks[index : index + 1], reconstructor)
-    rays = rows[["alpha", "beta"]].to_numpy()  # (T, 2)
-    touches, predictions, jaccard = [], [], []
-    for ray in rays:
-        cast = explorations.cast(ray[None])
+    rays = iter(rows[["alpha", "beta"]].to_numpy())  # (T, 2)
+    name = str(rows["policy"].iloc[0])
+    return watched(name, test.masks[index], reconstructor, lambda _: next(rays)[None], len(rows))
+
+
+def feel_out(
+    policy: Policy,
+    mask: np.ndarray,
+    reconstructor: Reconstructor,
+    count: int,
+    seed: int,
+    progress: Callable[[int, Cast], None] = lambda ray, cast: None,
+) -> Rollout:
+    """`count` rays of a policy at one mask (R, R); `progress` hears of each as it is cast."""
+    rng = policy_rng(policy, seed)
+    return watched(
+        policy.name, mask, reconstructor, lambda state: policy.choose(state, rng, False), count,
+        progress,
+    )  # fmt: skip
+
+
+def watched(
+    policy: str,
+    mask: np.ndarray,
+    reconstructor: Reconstructor,
+    choose: Callable[[Explorations], np.ndarray],
+    count: int,
+    progress: Callable[[int, Cast], None] = lambda ray, cast: None,
+) -> Rollout:
+    """`count` rays at a mask (R, R), each as `choose` has it, (1, 2) int, and what came of it."""
+    explorations = Explorations(mask[None], reconstructor)
+    rays, touches, predictions, jaccard = [], [], [], []
+    for ray in range(1, count + 1):
+        rays.append(choose(explorations)[0])
+        cast = explorations.cast(rays[-1][None])
         touches.append(cast.touches[0])
         predictions.append(explorations.predictions[0].copy())
         jaccard.append(float(cast.jaccard[0]))
+        progress(ray, cast)
     return Rollout(
-        policy=str(rows["policy"].iloc[0]),
-        mask=test.masks[index],
-        rays=ray_ends(rays, test.resolution),
+        policy=policy,
+        mask=mask,
+        rays=ray_ends(np.array(rays), len(mask)),
         touches=np.array(touches),
         predictions=np.array(predictions),
         jaccard=np.array(jaccard),

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration.environments import as_reconstructor, default_unet, of_the_run
+from tactile_core.exploration.at_hand import POLICIES, UNET, at_hand
+from tactile_core.exploration.environments import as_reconstructor, default_unet
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.index import read_index
 from tactile_core.exploration.policies.references import REFERENCES
@@ -85,7 +86,8 @@ def find_policy(name: str, reconstructor: Reconstructor) -> Policy:
     """The rule or, of the last run, the first trained policy of that name."""
     if name in REFERENCES:
         return REFERENCES[name]
-    stored = {place: describe(place).policies for place in read_index(of_the_run("policies"))}
+    trained = read_index(at_hand(UNET, POLICIES) / "policies")
+    stored = {place: describe(place).policies for place in trained}
     for place, names in stored.items():
         if name in names:
             policies = load_policies([place], reconstructor.version, reconstructor.resolution)

@@ -16,13 +16,13 @@ from upath import UPath
 from tactile_core.dataset.rendering.pictures import decode_masks
 from tactile_core.dataset.shapes import SPLITS
 from tactile_core.errors import TactileError
+from tactile_core.exploration.at_hand import ROTATED_SPLITS, at_hand
 from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.world.env import TactileEnv
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.vector_env import TactileVectorEnv
 from tactile_core.files import read_table
-from tactile_core.home import find_artifacts
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
 
@@ -53,8 +53,8 @@ def environment_parts(
     """The arguments of an environment out of those that are friendlier to give.
 
     masks : (M, R, R) of 0 and 1; by default those of `split` ("train", "eval" or, by default,
-        "test") that the last run stored in the home
-    unet : the U-Net that reconstructs, or where it is stored; by default the last run's
+        "test") that the last run stored in the home or, without a run, that the package ships
+    unet : the U-Net that reconstructs, or where it is stored; by default that of the same run
     approach, stage : whose reward and end, see `learning.approaches`: an approach by name with the
         number of its stage, or a stage of your own
     actions, channels : see `Interface`
@@ -89,15 +89,11 @@ def as_reconstructor(unet: AnyUNet) -> Reconstructor:
     return Reconstructor(unet if isinstance(unet, TrainedUNet) else load_unet(UPath(unet)))
 
 
-# Where nothing is given, environments are made of what lies in the home. What the package may ship
-# one day for a home without a run belongs into these two, too.
-
-
 def default_masks(split: str) -> np.ndarray:
-    """The masks of a split, (M, R, R) bool, that the last run stored."""
+    """The masks of a split, (M, R, R) bool, that are `at_hand`."""
     if split not in SPLITS:
         raise TactileError(f"split={split!r} is unknown: choose from {', '.join(SPLITS)}")
-    table = read_table(of_the_run("rotated_splits.parquet"))
+    table = read_table(at_hand() / ROTATED_SPLITS)
     rows = table[table["split"] == split]
     if rows.empty:
         raise TactileError(f"the {split} split is empty: rotated_splits has too few models")
@@ -105,16 +101,5 @@ def default_masks(split: str) -> np.ndarray:
 
 
 def default_unet() -> UPath:
-    """Where the last run stored its U-Net."""
-    return of_the_run("unet")
-
-
-def of_the_run(name: str) -> UPath:
-    """What a run stored under `name`; raises `TactileError` where none has."""
-    artifacts = UPath(find_artifacts())
-    if not (artifacts / name).exists():
-        raise TactileError(
-            f"no run has finished in {artifacts}: make one (make run; TACTILE_PROFILE=smoke make "
-            "run takes a minute and a half), or give masks= and unet="
-        )
-    return artifacts / name
+    """Where the U-Net lies that is `at_hand`."""
+    return at_hand() / "unet"

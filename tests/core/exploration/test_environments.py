@@ -78,14 +78,6 @@ def test_it_is_known_as_well_where_gymnasium_comes_after_the_package():
     assert in_a_process(code).stdout == f"{ENV_ID}\n"
 
 
-def test_a_home_without_a_run_says_what_to_do(tmp_path, monkeypatch, parts):
-    monkeypatch.setenv("TACTILE_HOME", str(tmp_path))
-    monkeypatch.delenv("TACTILE_STORE", raising=False)
-    for some in ({}, {"masks": parts["masks"]}, {"unet": parts["unet"]}):
-        with pytest.raises(TactileError, match=r"no run has finished in .*make run.*masks="):
-            gym.make(NAME, **some)
-
-
 def test_the_unet_may_be_a_value_a_path_or_ready_to_predict(home, shapes, unet, reconstructor):
     masks = shapes["test"].masks
     stored = home / "artifacts" / "unet"
