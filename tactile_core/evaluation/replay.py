@@ -1,7 +1,7 @@
 """One rollout as a whole, for drawing: cast once more, or for the first time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -43,7 +43,8 @@ def replayed(rows: pd.DataFrame, test: Shapes, index: int, reconstructor: Recons
     """
     rays = iter(rows[["alpha", "beta"]].to_numpy())  # (T, 2)
     name = str(rows["policy"].iloc[0])
-    return watched(name, test.masks[index], reconstructor, lambda _: next(rays)[None], len(rows))
+    rollout = watched(name, test.masks[index], reconstructor, lambda _: next(rays)[None], len(rows))
+    return replace(rollout, category=str(test.categories[index]))
 
 
 def feel_out(
@@ -87,5 +88,4 @@ def watched(
         touches=np.array(touches),
         predictions=np.array(predictions),
         jaccard=np.array(jaccard),
-        category=str(test.categories[index]),
     )
