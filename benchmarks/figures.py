@@ -63,3 +63,18 @@ def short(number: float) -> str:
 
 def round_numbers() -> list[float]:
     return [step * 10.0**power for power in range(-2, 8) for step in (1, 2, 5)]
+
+
+def size_figure(sizes: pd.DataFrame) -> Figure:
+    """Peak memory and time of each stage against the number of models, on log–log axes."""
+    figure = Figure(figsize=(9, 4.2), layout="constrained")
+    panels = {"peak_mb": ("Peak memory", "MB"), "processor_seconds": ("Time", "processor seconds")}
+    for axes, (column, (title, unit)) in zip(figure.subplots(1, 2), panels.items(), strict=True):
+        plot(axes, title, "models", unit, "")
+        for (resolution, stage), rows in sizes.groupby(["resolution", "stage"], sort=False):
+            rows = rows.sort_values("models")
+            style = "o-" if resolution == sizes["resolution"].min() else "s--"
+            axes.loglog(rows["models"], rows[column], style, ms=4, lw=1.4,
+                        label=f"{stage}, {resolution}×{resolution}")  # fmt: skip
+    axes.legend(frameon=False, fontsize=7.5, labelcolor=INK)
+    return figure

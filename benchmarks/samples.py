@@ -11,6 +11,7 @@ import torch
 import trimesh
 
 from tactile_core.dataset.outlines import outline
+from tactile_core.dataset.packed import pack_masks
 from tactile_core.dataset.procedural.models import procedural_models
 from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.rasteriser import rasterise
@@ -44,7 +45,7 @@ def shapes(all_masks: np.ndarray) -> Shapes:
     """Masks with their outlines."""
     names = np.array([f"mesh-{number}" for number in range(len(all_masks))])
     outlines = [outline(mask) for mask in all_masks]
-    return Shapes(all_masks, outlines, names, names, names, names)
+    return Shapes(pack_masks(all_masks), outlines, names, names, names, names)
 
 
 @functools.cache

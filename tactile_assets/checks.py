@@ -43,15 +43,16 @@ def samples_lie_inside_the_circle(rotated_splits: pd.DataFrame) -> dg.AssetCheck
 
 
 def inside_the_circle(table: pd.DataFrame) -> dg.AssetCheckResult:
-    from tactile_core.dataset.rendering.pictures import decode_masks
+    from tactile_core.dataset.rendering.pictures import decoded
 
-    pictures = decode_masks(table["mask"])
-    size = pictures.shape[-1]
-    middle = size / 2 - 1
-    rows, columns = np.indices((size, size))
-    outside = np.hypot(rows - middle, columns - middle) >= middle
-    empty = ~pictures.any(axis=(1, 2))
-    beyond = (pictures & outside).any(axis=(1, 2))
+    found = []
+    for pictures in decoded(table["mask"]):
+        size = pictures.shape[-1]
+        middle = size / 2 - 1
+        rows, columns = np.indices((size, size))
+        outside = np.hypot(rows - middle, columns - middle) >= middle
+        found.append([~pictures.any(axis=(1, 2)), (pictures & outside).any(axis=(1, 2))])
+    empty, beyond = np.concatenate(found, axis=1)
     return dg.AssetCheckResult(
         passed=not (empty.any() or beyond.any()),
         description=f"{empty.sum()} of {len(table)} are empty, {beyond.sum()} reach the circle",

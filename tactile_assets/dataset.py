@@ -1,7 +1,6 @@
 """Report, section IV: from ShapeNet archives to masks, outlines and touches."""
 
 import dagster as dg
-import numpy as np
 import pandas as pd
 
 from tactile_assets.code_versions import code_version
@@ -80,6 +79,7 @@ def masks(
     45° azimuth. PyRender draws them where OpenGL is to be had, else our own rasteriser, with
     equal pixels. Meshes that have not changed are not rendered again.
     """
+    from tactile_core.dataset.rendering.pictures import decoded
     from tactile_core.dataset.rendering.silhouettes import render_masks
     from tactile_core.figures.sheets import mask_sheet
     from tactile_core.figures.style import png
@@ -92,14 +92,15 @@ def masks(
         progress=context.log.info,
     )
     usable = table[table["status"] == "ok"]
-    pictures, categories = decoded(usable)
+    covered = sum(int(some.sum()) for some in decoded(usable["mask"]))
+    categories = usable["category"].to_numpy(dtype=str)
     return stored(
         table,
         masks=len(usable),
         set_aside=len(table) - len(usable),
         resolution=config.resolution,
-        covered_percent=round(100 * float(pictures.mean()), 1),
-        sheet=store.picture("masks.png", png(mask_sheet(pictures, categories))),
+        covered_percent=round(100 * covered / (len(usable) * config.resolution**2), 1),
+        sheet=store.picture("masks.png", png(mask_sheet(usable["mask"], categories))),
     )
 
 
@@ -135,15 +136,15 @@ def rotated_splits(
         previous=store.previous("rotated_splits"),
         progress=context.log.info,
     )
-    some = table[table["split"] == "train"]
-    pictures, categories = decoded(some)
+    train = table[table["split"] == "train"]
+    sheet = mask_sheet(train["mask"], train["category"].to_numpy(dtype=str))
     return stored(
         table,
         samples=len(table),
         by_split=counts(table, "split", "category"),
         models=counts(table.drop_duplicates("model_id"), "split", "category"),
         copies=table["model_id"].nunique() - table["copy_of"].nunique(),
-        sheet=store.picture("rotated_splits.png", png(mask_sheet(pictures, categories))),
+        sheet=store.picture("rotated_splits.png", png(sheet)),
     )
 
 
@@ -152,7 +153,9 @@ def rotated_splits(
     code_version=code_version("dataset.outlines"),
     **wing("dataset"),
 )
-def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
+def outlines(
+    context: dg.AssetExecutionContext, rotated_splits: pd.DataFrame
+) -> dg.MaterializeResult:
     """The outline of each sample: every mask pixel that a ray from outside can reach.
 
     Concavities belong to it, such as the inside of a handle that is open to one side; holes do
@@ -160,7 +163,7 @@ def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
     """
     from tactile_core.dataset.outlines import trace_outlines
 
-    table = trace_outlines(rotated_splits)
+    table = trace_outlines(rotated_splits, context.log.info)
     lengths = table["outline"].map(len)
     return stored(
         table,
@@ -177,7 +180,11 @@ def outlines(rotated_splits: pd.DataFrame) -> dg.MaterializeResult:
     **wing("dataset"),
 )
 def tactile_samples(
-    config: TouchConfig, store: Store, rotated_splits: pd.DataFrame, outlines: pd.DataFrame
+    context: dg.AssetExecutionContext,
+    config: TouchConfig,
+    store: Store,
+    rotated_splits: pd.DataFrame,
+    outlines: pd.DataFrame,
 ) -> dg.MaterializeResult:
     """Sets of 1 to 10 touches drawn from each outline: what a hand may have felt so far.
 
@@ -189,10 +196,12 @@ def tactile_samples(
     from tactile_core.figures.sheets import touch_sheet
     from tactile_core.figures.style import png
 
-    table = sample_touches(outlines, config)
+    table = sample_touches(outlines, config, context.log.info)
     first = table[table["set"] == 0].reset_index(drop=True)
-    pictures, categories = decoded(rotated_splits)
-    sheet = touch_sheet(pictures, list(outlines["outline"]), list(first["touches"]), categories)
+    categories = rotated_splits["category"].to_numpy(dtype=str)
+    sheet = touch_sheet(
+        rotated_splits["mask"], outlines["outline"].array, first["touches"].array, categories
+    )
     sizes = table["touches"].map(len).value_counts().sort_index()
     return stored(
         table,
@@ -200,10 +209,3 @@ def tactile_samples(
         by_touches=markdown(sizes.rename_axis("touches").reset_index(name="sets")),
         sheet=store.picture("tactile_samples.png", png(sheet)),
     )
-
-
-def decoded(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
-    """Masks (N, R, R) bool and categories (N,) str of a table that holds pictures."""
-    from tactile_core.dataset.rendering.pictures import decode_masks
-
-    return decode_masks(table["mask"]), table["category"].to_numpy(dtype=str)

@@ -126,7 +126,9 @@ def cast_all(
     refuse_known(test, seen_by(unet, policies), by_name=not prefix, remedy=REMEDY[bool(prefix)])
     trained = load_policies(policies, unet.version(), unet.resolution)
     previous = store.previous(f"{prefix}rollouts")
-    table = cast_rollouts(trained, test, unet, config, previous, progress)
+    table = cast_rollouts(
+        trained, test, unet, config, previous, progress, work=store.work(f"{prefix}rollouts")
+    )
     runs = example_runs(table, [(one.name, one.seed) for one in trained], test, unet, config)
     return stored(
         table,

@@ -10,7 +10,6 @@ from tactile_assets.automation import after
 from tactile_assets.checks import inside_the_circle
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.dataset import decoded
 from tactile_assets.evaluation import (
     CODE,
     PER_GRASP,
@@ -69,13 +68,13 @@ def real_shapes(
         previous=store.previous("real_shapes"),
         progress=context.log.info,
     )
-    pictures, categories = decoded(table)
+    sheet = mask_sheet(table["mask"], table["category"].to_numpy(dtype=str))
     return stored(
         table,
         samples=len(table),
         models=counts(table.drop_duplicates("model_id"), "split", "category"),
         **set_aside(aside),
-        sheet=store.picture("real_shapes.png", png(mask_sheet(pictures, categories))),
+        sheet=store.picture("real_shapes.png", png(sheet)),
     )
 
 

@@ -240,7 +240,7 @@ def examples(
 
     test = load_shapes(rotated_splits, outlines, "test")
     indices, touches = touch_sets_of(test, tactile_samples)
-    masks = test.masks[indices]
+    masks = test.packed[indices]
     predictions = Reconstructor(unet).predict(rasterise_touches(touches, test.resolution))
     scores = jaccard_index(predictions, masks)
     return png(reconstruction_sheet(touches, predictions, masks, scores))

@@ -1,12 +1,14 @@
 """Checksums that files carry inside them: a changed byte is found before anything is made of it."""
 
 import hashlib
+import io
 import json
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 from tactile_core.settings import Settings
 
 DIGEST = 32  # bytes of a SHA-256
+AT_A_TIME = 2**20  # bytes
 CHECKSUM = "checksum"
 
 Described = TypeVar("Described", bound=Settings)
@@ -24,25 +26,31 @@ def unsealed(data: bytes) -> bytes:
     return data[DIGEST:]
 
 
-def sealed_parquet(data: bytes | memoryview) -> tuple[memoryview, bytes, memoryview]:
-    """A Parquet file in three parts: in the middle the SHA-256 of the other two.
+def seal_parquet(file: IO[bytes]) -> None:
+    """Put into a Parquet file, which is open for reading and writing, the SHA-256 of all the rest.
 
     It lies just before the footer, where readers do not look: they find the footer from the end
     and the columns from the start, so the file opens everywhere.
     """
-    data = memoryview(data)
-    start = _footer(data)
-    return data[:start], _digest(data[:start], data[start:]), data[start:]
+    end = file.seek(0, io.SEEK_END)
+    start = _footer(file, end)
+    digest = _digest(file, (0, end))
+    file.seek(start)
+    footer = file.read()
+    file.seek(start)
+    file.write(digest + footer)
 
 
-def is_whole_parquet(data: bytes) -> bool:
-    """Whether every byte of a file is as `sealed_parquet` gave it."""
-    view = memoryview(data)
-    start = _footer(view)
+def is_whole_parquet(file: IO[bytes]) -> bool:
+    """Whether every byte of a file is as `seal_parquet` left it."""
+    end = file.seek(0, io.SEEK_END)
+    if end < DIGEST + 8:
+        return False
+    start = _footer(file, end)
     if start < DIGEST:
         return False
-    columns, digest, footer = view[: start - DIGEST], view[start - DIGEST : start], view[start:]
-    return _digest(columns, footer) == digest
+    file.seek(start - DIGEST)
+    return file.read(DIGEST) == _digest(file, (0, start - DIGEST), (start, end))
 
 
 def sealed_json(description: Settings) -> bytes:
@@ -67,13 +75,19 @@ def _checksum(values: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _footer(data: memoryview) -> int:
+def _footer(file: IO[bytes], end: int) -> int:
     """Where the footer of a Parquet file begins: its length stands before the last four bytes."""
-    return len(data) - 8 - int.from_bytes(data[-8:-4], "little")
+    file.seek(end - 8)
+    return end - 8 - int.from_bytes(file.read(4), "little")
 
 
-def _digest(*parts: memoryview) -> bytes:
+def _digest(file: IO[bytes], *parts: tuple[int, int]) -> bytes:
+    """The SHA-256 of the bytes from one place to another, of each part in turn."""
     digest = hashlib.sha256()
-    for part in parts:
-        digest.update(part)
+    for start, end in parts:
+        file.seek(start)
+        while start < end:
+            data = file.read(min(AT_A_TIME, end - start))
+            digest.update(data)
+            start += len(data)
     return digest.digest()

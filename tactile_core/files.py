@@ -6,9 +6,10 @@ import hashlib
 import io
 import os
 import re
+import shutil
 import tempfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -18,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from upath import UPath
 
-from tactile_core.checksums import is_whole_parquet, sealed_parquet
+from tactile_core.checksums import AT_A_TIME, is_whole_parquet, seal_parquet
 from tactile_core.errors import DamagedError, TactileError
 
 PART = re.compile(r"\.[0-9a-f]{32}\.part")  # a file while it is written
@@ -32,10 +33,12 @@ REMEDIES = {
     errno.EPERM: "allow it to be written to, or name another store",
 }
 
+ROWS = 2**14  # of a table that are in memory more than once, and stored as one group
+
 
 @contextlib.contextmanager
 def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
-    """Open `path` to write bytes; it appears under its name only when the block succeeds.
+    """Open `path` to write (and read) bytes; it appears under its name only if the block succeeds.
 
     Raises `TactileError` where the disk is full or the place is not to be written to.
     """
@@ -78,7 +81,7 @@ def _written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
         # A name of its own, short whatever the target's is: file systems take 255 bytes.
         aside = local.with_name(f".{uuid.uuid4().hex}.part")
         try:
-            with aside.open("wb") as file:
+            with aside.open("w+b") as file:
                 yield file
             aside.replace(local)
         except BaseException:
@@ -87,7 +90,7 @@ def _written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
         return
     with tempfile.TemporaryDirectory() as folder:
         aside = Path(folder, "part")
-        with aside.open("wb") as file:
+        with aside.open("w+b") as file:
             yield file
         target.fs.put_file(str(aside), target.path)
 
@@ -97,11 +100,12 @@ def write_table(table: pd.DataFrame, path: str | os.PathLike | UPath) -> None:
 
     A column of (K, 2) arrays, such as outlines, is stored as lists of pairs.
     """
-    sink = pa.BufferOutputStream()
-    pq.write_table(_to_arrow(table), sink, compression="zstd")
+    schema = _schema(table)
     with written_whole(path) as file:
-        for part in sealed_parquet(memoryview(sink.getvalue())):
-            file.write(part)
+        with pq.ParquetWriter(file, schema, compression="zstd") as writer:
+            for part in _parts(table, schema):
+                writer.write_table(part)
+        seal_parquet(file)
 
 
 def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.DataFrame:
@@ -114,16 +118,28 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
     source = UPath(path)
     remedy = f"materialise {asset or source.stem} again"
     try:
-        data = source.read_bytes()
+        with _at_hand(source) as file:
+            if not is_whole_parquet(file):
+                raise DamagedError(f"{source} is damaged, as its checksum tells: {remedy}")
+            return _from_arrow(pq.ParquetFile(file).read())
     except FileNotFoundError as error:
         missing = f"{source} is missing: materialise the asset that writes it first"
         raise DamagedError(missing) from error
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise DamagedError(f"{source} cannot be read ({reason}): mend that, or {remedy}") from error
-    if not is_whole_parquet(data):
-        raise DamagedError(f"{source} is damaged, as its checksum tells: {remedy}")
-    return _from_arrow(pq.read_table(pa.BufferReader(data)))
+
+
+@contextlib.contextmanager
+def _at_hand(source: UPath) -> Iterator[IO[bytes]]:
+    """A file to read more than once, as it is now: an object of a store is copied to a disk."""
+    with source.open("rb") as file:
+        if source.protocol in ("", "file", "local"):
+            yield file
+            return
+        with tempfile.TemporaryFile() as copy:
+            shutil.copyfileobj(file, copy, AT_A_TIME)
+            yield copy
 
 
 def table_hash(table: pd.DataFrame) -> str:
@@ -131,11 +147,12 @@ def table_hash(table: pd.DataFrame) -> str:
 
     It is taken from the memory format: a Parquet file names the library that wrote it.
     """
-    arrow = _to_arrow(table).combine_chunks()
-    sink = io.BytesIO()
-    with pa.ipc.new_stream(sink, arrow.schema) as stream:
-        stream.write_table(arrow)
-    return content_hash(sink.getvalue())
+    schema = _schema(table)
+    length = pa.MockOutputStream()
+    _stream(table, schema, length)
+    digest = hashlib.sha256(length.size().to_bytes(8, "little"))
+    _stream(table, schema, pa.PythonFile(_Sink(digest.update), "w"))
+    return digest.hexdigest()[:16]
 
 
 def content_hash(*parts: bytes | str | Any) -> str:
@@ -146,6 +163,42 @@ def content_hash(*parts: bytes | str | Any) -> str:
         digest.update(len(data).to_bytes(8, "little"))
         digest.update(data)
     return digest.hexdigest()[:16]
+
+
+class _Sink(io.RawIOBase):
+    """A file that hands on what is written to it."""
+
+    def __init__(self, take: Callable[[memoryview], None]) -> None:
+        self.take = take
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self.take(data)
+        return len(data)
+
+
+def _stream(table: pd.DataFrame, schema: pa.Schema, sink: pa.NativeFile) -> None:
+    with pa.ipc.new_stream(sink, schema) as stream:
+        for part in _parts(table, schema):
+            stream.write_table(part)
+
+
+def _parts(table: pd.DataFrame, schema: pa.Schema) -> Iterator[pa.Table]:
+    """A table in Arrow's form, `ROWS` at a time; at least one part."""
+    for start in range(0, max(len(table), 1), ROWS):
+        yield _to_arrow(table.iloc[start : start + ROWS]).cast(schema).combine_chunks()
+
+
+def _schema(table: pd.DataFrame) -> pa.Schema:
+    """The columns' types as the first rows tell them or, where those are empty, later ones."""
+    schema = _to_arrow(table.iloc[:ROWS]).schema
+    for number, field in enumerate(schema):
+        if pa.types.is_null(field.type):
+            later = table[[field.name]].dropna().iloc[:1]
+            schema = schema.set(number, _to_arrow(later).schema.field(0))
+    return schema
 
 
 def _to_arrow(table: pd.DataFrame) -> pa.Table:
@@ -173,9 +226,14 @@ def _from_arrow(arrow: pa.Table) -> pd.DataFrame:
     ]
     table = arrow.drop_columns(pairs).to_pandas()
     for name in pairs:
-        lists = arrow[name].combine_chunks()
-        numbers = lists.flatten().flatten().to_numpy().reshape(-1, 2)
-        ends = np.cumsum(lists.value_lengths().to_numpy())
-        cells = pd.Series(np.split(numbers, ends[:-1]) if len(ends) else [], dtype=object)
-        table.insert(arrow.schema.get_field_index(name), name, cells)
+        cells = [cell for lists in arrow[name].chunks for cell in _pairs(lists)]
+        column = pd.Series(cells, dtype=object)
+        table.insert(arrow.schema.get_field_index(name), name, column)
     return table
+
+
+def _pairs(lists: pa.ListArray) -> list[np.ndarray]:
+    """Lists of pairs as arrays (K, 2) that share their memory."""
+    numbers = lists.flatten().flatten().to_numpy().reshape(-1, 2)
+    ends = np.cumsum(lists.value_lengths().to_numpy())
+    return np.split(numbers, ends[:-1]) if len(ends) else []

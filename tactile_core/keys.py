@@ -25,7 +25,7 @@ FOLDER = Path(__file__).resolve().parent
 # Every module imports these, and what they do shows in the settings and in the content itself.
 APART = {
     f"{CORE}.{name}"
-    for name in ("settings", "errors", "files", "checksums", "keys", "value_versions")
+    for name in ("settings", "errors", "files", "checksums", "keys", "value_versions", "progress")
 }
 NAMED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 # Libraries that are installed under another name than they are imported by.

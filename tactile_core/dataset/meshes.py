@@ -7,7 +7,6 @@ that the later stages work from; `load_mesh` gives one back, ready for the camer
 import contextlib
 import errno
 import logging
-import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -38,6 +37,7 @@ from tactile_core.dataset.sources.places import (
 )
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, written_whole
+from tactile_core.progress import counted
 from tactile_core.settings import MeshSettings
 
 logger = logging.getLogger(__name__)
@@ -84,11 +84,10 @@ def collect_meshes(
     with contextlib.ExitStack() as stack:
         found, sources = _find_meshes(settings, cache / "archives", stack, progress)
         present = _present(root)
-        rows = []
-        for number, mesh in enumerate(found, start=1):
-            rows.append(_collect(mesh, root, present))
-            if number % math.ceil(len(found) / 10) == 0:
-                progress(f"{number} of {len(found)} meshes collected")
+        rows = [
+            _collect(mesh, root, present)
+            for mesh in counted(found, len(found), progress, "meshes collected")
+        ]
     manifest = pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
     _check_usable(manifest, settings)
     manifest.attrs["sources"] = sources

@@ -6,12 +6,15 @@ of the image, concavities included and holes not, and the outline is every mask 
 away from it: whatever a ray meets first is a pixel of the outline.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 from scipy import ndimage
 
-from tactile_core.dataset.rendering.pictures import decode_masks
+from tactile_core.dataset.rendering.pictures import decoded
 from tactile_core.files import content_hash
+from tactile_core.progress import counted
 
 EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
 
@@ -25,12 +28,15 @@ def outline(mask: np.ndarray) -> np.ndarray:
     return np.argwhere(reached[1:-1, 1:-1]).astype(np.int16)
 
 
-def trace_outlines(rotated_splits: pd.DataFrame) -> pd.DataFrame:
+def trace_outlines(
+    rotated_splits: pd.DataFrame, progress: Callable[[str], None] = lambda message: None
+) -> pd.DataFrame:
     """The outline of every sample: sample_id, model_id, category, split, outline, mask_hash.
 
     A sample keeps its id when it is rotated otherwise: the hash of its mask tells which one it was.
     """
     table = rotated_splits[["sample_id", "model_id", "category", "split"]].reset_index(drop=True)
-    outlines = [outline(decode_masks([png])[0]) for png in rotated_splits["mask"]]
+    masks = (mask for some in decoded(rotated_splits["mask"]) for mask in some)
+    outlines = [outline(mask) for mask in counted(masks, len(table), progress, "outlines traced")]
     hashes = rotated_splits["mask"].map(content_hash).to_numpy()
     return table.assign(outline=pd.Series(outlines, dtype=object), mask_hash=hashes)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from tactile_core.dataset.rendering.pictures import decode_masks
+from tactile_core.dataset.packed import PackedMasks, pack_pictures
+from tactile_core.dataset.rendering.pictures import portions
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 
@@ -17,12 +18,12 @@ SPLITS = ("train", "eval", "test")
 class Shapes:
     """N rotated masks of one split with their outlines.
 
-    masks : (N, R, R) bool
+    packed : the masks, unpacked where they are indexed
     outlines : list of N arrays (K_i, 2) int16, outline pixels as (row, column)
     sample_ids, model_ids, categories, geometries : (N,) str arrays, see `geometry_hash`
     """
 
-    masks: np.ndarray
+    packed: PackedMasks
     outlines: list[np.ndarray]
     sample_ids: np.ndarray
     model_ids: np.ndarray
@@ -30,19 +31,30 @@ class Shapes:
     geometries: np.ndarray
 
     def __len__(self) -> int:
-        return len(self.masks)
+        return len(self.packed)
 
     @property
     def resolution(self) -> int:
-        return self.masks.shape[-1]
+        return self.packed.resolution
+
+    @property
+    def masks(self) -> np.ndarray:
+        """All masks at once, (N, R, R) bool: where there may be many, take some of `packed`."""
+        return self.packed[:]
 
     @functools.cached_property
     def version(self) -> str:
         """Hash of all that these shapes are (16 hex digits)."""
+        of_portions = [
+            content_hash(
+                np.packbits(self.packed[some]).tobytes(),
+                *(outline.tobytes() for outline in self.outlines[some]),
+            )
+            for some in portions(len(self))
+        ]
         return content_hash(
-            self.masks.shape,
-            np.packbits(self.masks).tobytes(),
-            *(outline.tobytes() for outline in self.outlines),
+            self.packed.shape,
+            of_portions,
             self.sample_ids.tolist(),
             self.model_ids.tolist(),
             self.categories.tolist(),
@@ -52,7 +64,7 @@ class Shapes:
     def select(self, indices: np.ndarray) -> "Shapes":
         """The shapes at `indices`, in that order."""
         return Shapes(
-            masks=self.masks[indices],
+            packed=self.packed.select(indices),
             outlines=[self.outlines[index] for index in indices],
             sample_ids=self.sample_ids[indices],
             model_ids=self.model_ids[indices],
@@ -89,7 +101,7 @@ def load_shapes(rotated_splits: pd.DataFrame, outlines: pd.DataFrame, split: str
             f"{rows['sample_id'].iloc[int(others.argmax())]}): materialise outlines again"
         )
     return Shapes(
-        masks=decode_masks(rows["mask"]),
+        packed=pack_pictures(rows["mask"]),
         outlines=[as_points(by_sample[sample]) for sample in rows["sample_id"]],
         sample_ids=rows["sample_id"].to_numpy(dtype=str),
         model_ids=rows["model_id"].to_numpy(dtype=str),

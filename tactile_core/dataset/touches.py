@@ -1,6 +1,6 @@
 """Touches: points drawn from an outline, and the image that shows them (report, section IV)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -8,10 +8,15 @@ import pandas as pd
 from tactile_core.dataset.seeds import generator
 from tactile_core.dataset.shapes import as_points
 from tactile_core.errors import TactileError
+from tactile_core.progress import counted
 from tactile_core.settings import TouchSettings
 
 
-def sample_touches(outlines: pd.DataFrame, settings: TouchSettings) -> pd.DataFrame:
+def sample_touches(
+    outlines: pd.DataFrame,
+    settings: TouchSettings,
+    progress: Callable[[str], None] = lambda message: None,
+) -> pd.DataFrame:
     """`sets_per_mask` touch sets of each outline.
 
     The columns are sample_id, model_id, category, split, set and touches. A set has `fewest`
@@ -19,7 +24,8 @@ def sample_touches(outlines: pd.DataFrame, settings: TouchSettings) -> pd.DataFr
     has. It depends on the seed and its sample only.
     """
     sets, touches = [], []
-    for sample, cell in zip(outlines["sample_id"], outlines["outline"], strict=True):
+    cells = zip(outlines["sample_id"], outlines["outline"], strict=True)
+    for sample, cell in counted(cells, len(outlines), progress, "outlines touched"):
         points = as_points(cell)
         random = generator(settings.seed, sample)
         for number in range(settings.sets_per_mask):

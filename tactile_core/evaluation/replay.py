@@ -43,7 +43,7 @@ def replayed(rows: pd.DataFrame, test: Shapes, index: int, reconstructor: Recons
     """
     rays = iter(rows[["alpha", "beta"]].to_numpy())  # (T, 2)
     name = str(rows["policy"].iloc[0])
-    rollout = watched(name, test.masks[index], reconstructor, lambda _: next(rays)[None], len(rows))
+    rollout = watched(name, test.packed[index], reconstructor, lambda _: next(rays)[None], len(rows))
     return replace(rollout, category=str(test.categories[index]))
 
 

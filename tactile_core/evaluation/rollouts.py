@@ -1,23 +1,22 @@
 """Every ray of every policy on every shape to test on: what both evaluations read (section VII)."""
 
+import shutil
 import threading
-import time
-import zlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
+from tactile_core.evaluation.casting import Casting, Part, cast_part, joined, kept
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.references import REFERENCES, find_reference
-from tactile_core.exploration.world.state import Explorations
 from tactile_core.keys import work_key
 from tactile_core.machine import processors
+from tactile_core.progress import SECONDS_BETWEEN_WORDS, teller
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.settings import RolloutSettings
@@ -26,22 +25,7 @@ from tactile_core.threads import one_thread
 Progress = Callable[[str], None]
 
 RULE = "rule"  # the choice of a policy that has no distribution of rays
-SECONDS_BETWEEN_WORDS = 15
-
-
-@dataclass
-class Casting:
-    """The rollouts of one policy by one choice, and how far they are, 0–1."""
-
-    policy: Policy
-    choice: str
-    key: str
-    done: float = 0.0
-    stop: threading.Event = field(default_factory=threading.Event)
-
-    @property
-    def name(self) -> str:
-        return f"{self.policy.name} (seed {self.policy.seed}, {self.choice})"
+SAMPLES_AT_A_TIME = 128  # to bound the memory, and what a killed run has to cast again
 
 
 def cast_rollouts(
@@ -52,12 +36,14 @@ def cast_rollouts(
     previous: pd.DataFrame | None = None,
     progress: Progress = lambda message: None,
     workers: int | None = None,
+    work: Path | None = None,
 ) -> pd.DataFrame:
     """Rays of each policy on every test sample until `settings.count` rays are cast and as many
     touches held, or `settings.ray_limit` rays are cast.
 
     previous : the rollouts of an earlier run; those whose key is the same are kept
     workers : policies at a time; None: as many as there are CPUs, and one on a GPU
+    work : keeps what is cast until all is, so that a run that was killed goes on there
 
     Rows: policy, seed, choice ("likeliest", "drawn", or "rule" where there is no distribution to
     choose from), sample_id, model_id, category, ray (from 1), alpha and beta (see `circle_pixels`),
@@ -83,7 +69,9 @@ def cast_rollouts(
     if workers is None:
         workers = processors() if reconstructor.device.type == "cpu" else 1
     with one_thread():
-        tables |= cast_missing(missing, test, unet, settings, progress, workers)
+        tables |= cast_missing(missing, test, unet, settings, progress, workers, work)
+    if work is not None:
+        shutil.rmtree(work, ignore_errors=True)
     return pd.concat([tables[casting.key] for casting in castings], ignore_index=True)
 
 
@@ -94,68 +82,40 @@ def cast_missing(
     settings: RolloutSettings,
     progress: Progress,
     workers: int,
+    work: Path | None,
 ) -> dict[str, pd.DataFrame]:
     """The rollouts of each of `castings` by its key; it says how far they are."""
+    starts = range(0, len(test), SAMPLES_AT_A_TIME)
+    some = [slice(start, start + SAMPLES_AT_A_TIME) for start in starts]
+    parts = [Part(casting, samples) for casting in castings for samples in some]
     own = threading.local()
 
-    def work(casting: Casting) -> pd.DataFrame:
+    def cast(part: Part) -> pd.DataFrame:
         if not hasattr(own, "reconstructor"):  # what OpenVINO compiled serves one thread
             own.reconstructor = Reconstructor(unet)
-        return cast_one(casting, test, own.reconstructor, settings)
+        return kept(part, work, lambda: cast_part(part, test, own.reconstructor, settings))
 
-    start = time.monotonic()
-    tables: dict[str, pd.DataFrame] = {}
+    tables: dict[str, dict[int, pd.DataFrame]] = {casting.key: {} for casting in castings}
+    tell = teller(progress, len(parts))
     with ThreadPoolExecutor(workers) as pool:
-        under_way = {pool.submit(work, casting): casting for casting in castings}
+        under_way = {pool.submit(cast, part): part for part in parts}
         try:
             while under_way:
                 over, _ = wait(under_way, SECONDS_BETWEEN_WORDS, FIRST_COMPLETED)
                 for future in over:
-                    casting = under_way.pop(future)
-                    tables[casting.key] = future.result()
-                    progress(summary(casting, tables[casting.key], settings))
-                if not over:
-                    progress(how_far(castings, time.monotonic() - start))
+                    part = under_way.pop(future)
+                    of_casting = tables[part.casting.key]
+                    of_casting[part.samples.start] = future.result()
+                    if len(of_casting) == len(some):
+                        progress(summary(part.casting, joined(of_casting), settings))
+                done = sum(part.done for part in parts)
+                if under_way:
+                    tell(done, f"rollouts: {done / len(parts):.0%} of {len(castings)} are cast")
         finally:
-            for casting in castings:
-                casting.stop.set()
+            for part in parts:
+                part.stop.set()
             pool.shutdown(cancel_futures=True)
-    return tables
-
-
-def cast_one(
-    casting: Casting, test: Shapes, reconstructor: Reconstructor, settings: RolloutSettings
-) -> pd.DataFrame:
-    """Its rows in the order of the rays; shapes that have enough of them are left out."""
-    policy, rng = casting.policy, policy_rng(casting.policy, settings.seed)
-    explorations = Explorations(test.masks, reconstructor)
-    active = np.arange(len(test))
-    tables = []
-    for ray in range(1, settings.ray_limit + 1):
-        if casting.stop.is_set():
-            break
-        rays = policy.choose(explorations, rng, casting.choice == "likeliest")
-        cast = explorations.cast(rays)
-        table = sample_columns(casting, test, active)
-        table["ray"] = ray
-        table["alpha"], table["beta"] = rays.T.astype(np.int32)
-        table["row"], table["column"] = cast.touches.T.astype(np.int16)
-        table["missed"], table["repeated"] = cast.missed, cast.repeated
-        table["touches"] = explorations.held.copy()
-        table["jaccard"] = cast.jaccard.astype(float)
-        tables.append(table)
-        held = np.full(len(test), settings.count)
-        held[active] = np.minimum(explorations.held, settings.count)
-        casting.done = max(held.mean() / settings.count, ray / settings.ray_limit)
-        if ray < settings.count:
-            continue
-        unfinished = np.flatnonzero(explorations.held < settings.count)
-        if len(unfinished) == 0:
-            break
-        if len(unfinished) < len(active):
-            active, explorations = active[unfinished], explorations.select(unfinished)
-    casting.done = 1.0
-    return pd.concat(tables, ignore_index=True).assign(key=casting.key)
+    return {key: joined(of_casting) for key, of_casting in tables.items()}
 
 
 def rollout_key(
@@ -190,15 +150,6 @@ def summary(casting: Casting, table: pd.DataFrame, settings: RolloutSettings) ->
     )
 
 
-def how_far(castings: list[Casting], seconds: float) -> str:
-    """How far all rollouts are, and how long they will take."""
-    done = float(np.mean([casting.done for casting in castings]))
-    words = f"rollouts: {done:.0%} of {len(castings)}, one for each policy and choice"
-    if done == 0:
-        return words
-    return f"{words}; about {seconds * (1 - done) / done:.0f} s to go"
-
-
 def with_references(policies: Sequence[Policy], settings: RolloutSettings) -> list[Policy]:
     """The reference policies that `settings` name, or all there are, then the trained ones.
 
@@ -211,22 +162,3 @@ def with_references(policies: Sequence[Policy], settings: RolloutSettings) -> li
         name, seed = twice[0]
         raise TactileError(f"two policies are called {name!r} with seed {seed}: rename an approach")
     return every
-
-
-def policy_rng(policy: Policy, seed: int) -> np.random.Generator:
-    """A generator of the policy's own: adding a policy does not change the others' rows."""
-    return np.random.default_rng([seed, policy.seed, zlib.crc32(policy.name.encode())])
-
-
-def sample_columns(casting: Casting, test: Shapes, which: np.ndarray) -> pd.DataFrame:
-    """The columns that say whose row it is, one row for each of the test samples `which`."""
-    return pd.DataFrame(
-        {
-            "policy": casting.policy.name,
-            "seed": casting.policy.seed,
-            "choice": casting.choice,
-            "sample_id": test.sample_ids[which],
-            "model_id": test.model_ids[which],
-            "category": test.categories[which],
-        }
-    )

@@ -3,10 +3,12 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from tactile_core.dataset.rendering.pictures import decode_masks
 from tactile_core.dataset.shapes import as_points
 from tactile_core.figures.style import FAINT, INK, MUTED, PINK, SHAPE, YELLOW, glow, picture
 
@@ -14,20 +16,21 @@ from tactile_core.figures.style import FAINT, INK, MUTED, PINK, SHAPE, YELLOW, g
 CASES = {"good": (0.95, 0.85), "median": (0.55, 0.45), "bad": (0.15, 0.05)}
 
 
-def mask_sheet(masks: np.ndarray, categories: np.ndarray, each: int = 36) -> Figure:
-    """Up to `each` of the masks (N, R, R) of every category, evenly picked.
+def mask_sheet(pictures: pd.Series, categories: np.ndarray, each: int = 36) -> Figure:
+    """Up to `each` of the masks of every category, evenly picked: no others are decoded.
 
-    categories : (N,) str
+    pictures : N masks as PNG bytes; categories : (N,) str
     """
     figure = Figure(figsize=(8, 1), layout="constrained")
     for axes, chosen in blocks(figure, categories, each, columns=12):
-        images = np.where(masks[chosen][..., None], to_rgb(INK), to_rgb(FAINT))
+        masks = decode_masks(pictures.iloc[chosen])
+        images = np.where(masks[..., None], to_rgb(INK), to_rgb(FAINT))
         axes.imshow(tile(images, columns=12)[0], interpolation="nearest")
     return figure
 
 
 def touch_sheet(
-    masks: np.ndarray,
+    pictures: pd.Series,
     outlines: Sequence[np.ndarray],
     touches: Sequence[np.ndarray],
     categories: np.ndarray,
@@ -35,12 +38,13 @@ def touch_sheet(
 ) -> Figure:
     """Up to `each` shapes of every category with their outlines and one touch set each.
 
-    masks : (N, R, R) bool; outlines, touches : N arrays (k, 2) or table cells that hold such;
-    categories : (N,) str
+    pictures : N masks as PNG bytes; outlines, touches : N arrays (k, 2) or table cells that hold
+    such; categories : (N,) str
     """
     figure = Figure(figsize=(8, 1), layout="constrained")
     for axes, chosen in blocks(figure, categories, each, columns=8):
-        images = np.where(masks[chosen][..., None], to_rgb(FAINT), to_rgb("white"))
+        masks = decode_masks(pictures.iloc[chosen])
+        images = np.where(masks[..., None], to_rgb(FAINT), to_rgb("white"))
         for image, index in zip(images, chosen, strict=True):
             image[tuple(as_points(outlines[index]).T)] = to_rgb(MUTED)
         tiled, corners = tile(images, columns=8)

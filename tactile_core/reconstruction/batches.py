@@ -1,11 +1,11 @@
 """Training batches: masks with touches drawn afresh each time."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from tactile_core.dataset.rendering.pictures import portions
 from tactile_core.dataset.shapes import Shapes
 
 # Draws touches for the shapes at `indices` (B,): returns points (B, K, 2) int and which of
@@ -31,36 +31,24 @@ FEWEST, MOST = 1, 10  # touches held, as the report trains (section V)
 ORIENTATIONS = 8
 
 
-@dataclass(frozen=True)
-class OutlinePoints:
-    """The outlines of N shapes padded to one length: points (N, K, 2), lengths (N,)."""
-
-    points: np.ndarray
-    lengths: np.ndarray
-
-
-def pad_outlines(outlines: list[np.ndarray], least: int) -> OutlinePoints:
-    """Outlines (K_i, 2) as one array at least `least` long, so that touches of a whole batch are
-    drawn at once."""
-    lengths = np.array([len(outline) for outline in outlines])
-    points = np.zeros((len(outlines), max(lengths.max(), least), 2), np.int16)
-    for row, outline in zip(points, outlines, strict=True):
-        row[: len(outline)] = outline
-    return OutlinePoints(points, lengths)
-
-
 def outline_touches(shapes: Shapes, fewest: int = FEWEST, most: int = MOST) -> DrawTouches:
     """Draws `fewest` to `most` different touches uniformly from each outline, and never more than
     the outline has."""
-    outlines = pad_outlines(shapes.outlines, least=most)
+    lengths = np.array([len(outline) for outline in shapes.outlines])
+    longest = max(lengths.max(), most)
 
     def draw(rng: np.random.Generator, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        lengths = outlines.lengths[indices, None]
-        keys = rng.random((len(indices), outlines.points.shape[1]))
-        keys[np.arange(keys.shape[1]) >= lengths] = 1.0  # beyond the end: after all others
-        chosen = np.argsort(keys, axis=1)[:, :most]
-        count = np.minimum(rng.integers(fewest, most + 1, (len(indices), 1)), lengths)
-        return outlines.points[indices[:, None], chosen], np.arange(most) < count
+        points = np.zeros((len(indices), most, 2), np.int16)
+        for some in portions(len(indices)):
+            own = lengths[indices[some], None]
+            keys = rng.random((len(own), longest))
+            keys[np.arange(longest) >= own] = 1.0  # beyond the end: after all others
+            chosen = np.argsort(keys, axis=1)[:, :most]
+            for row, index, places in zip(points[some], indices[some], chosen, strict=True):
+                places = places[: lengths[index]]
+                row[: len(places)] = shapes.outlines[index][places]
+        count = rng.integers(fewest, most + 1, (len(indices), 1))
+        return points, np.arange(most) < np.minimum(count, lengths[indices, None])
 
     return draw
 
@@ -114,7 +102,7 @@ def training_batches(
     if ends and len(order) - ends[-1] == 1:
         ends.pop()  # a batch of one cannot be normalised: it joins the one before
     for indices in np.split(order, ends):
-        felt, masks = draw(rng, indices), shapes.masks[indices]
+        felt, masks = draw(rng, indices), shapes.packed[indices]
         orientation = int(rng.integers(ORIENTATIONS))
         yield indices, orient(felt, orientation), orient(masks, orientation)
 

@@ -5,7 +5,7 @@ hardly tell from a few single pixels. Shapes that are remembered whole keep that
 (`UNetSettings.known_shapes`) and the policy `recall` use them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import torch
@@ -13,6 +13,7 @@ from scipy import ndimage
 from torch import Tensor, nn
 from torch.nn import functional
 
+from tactile_core.dataset.packed import Masks, PackedMasks
 from tactile_core.reconstruction.batches import ORIENTATIONS, orient
 
 PACKED_SHAPES = "packed_shapes"  # what they are called beside the weights of a net
@@ -31,8 +32,8 @@ def picked(count: int) -> slice:
     return slice(None, None, -(-count // MOST))
 
 
-def pack(masks: np.ndarray) -> np.ndarray:
-    """Masks (N, R, R) bool, or as many of them as are remembered, as (n, R²/8) uint8."""
+def pack(masks: Masks) -> np.ndarray:
+    """Masks (N, R, R), or as many of them as are remembered, as (n, R²/8) uint8."""
     return bits_of(masks[picked(len(masks))])
 
 
@@ -41,11 +42,19 @@ def bits_of(masks: np.ndarray) -> np.ndarray:
     return np.packbits(masks.reshape(len(masks), -1), axis=1)
 
 
-def models_of(packed: np.ndarray, masks: np.ndarray, model_ids: np.ndarray) -> np.ndarray:
-    """The models (n,) str that packed masks are of, found among `masks` (N, R, R) of `model_ids`
+def models_of(packed: np.ndarray, masks: PackedMasks, model_ids: np.ndarray) -> np.ndarray:
+    """The models (n,) str that packed masks (n, R²/8) are of, found among `masks` of `model_ids`
     (N,); "" where it is none of them."""
-    known = {row.tobytes(): model for row, model in zip(bits_of(masks), model_ids, strict=True)}
+    wanted = {row.tobytes() for row in packed}
+    known = {
+        row: model for row, model in zip(rows_of(masks), model_ids, strict=True) if row in wanted
+    }
     return np.array([known.get(row.tobytes(), "") for row in packed], dtype=str)
+
+
+def rows_of(masks: PackedMasks) -> Iterator[bytes]:
+    """Each mask as `pack` packs it."""
+    return (row.tobytes() for some in masks.portions() for row in bits_of(some))
 
 
 def unpack(packed: np.ndarray, resolution: int) -> np.ndarray:

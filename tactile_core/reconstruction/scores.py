@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
+from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.reconstruction.batches import draw_touch_sets, felt_outlines
 from tactile_core.reconstruction.inference import best_device
@@ -39,14 +40,13 @@ def evaluate_reconstruction(
         net = on_device(unet.net(some if recalls_own else None), device)
         models = some.model_ids if recalls_own else None
         indices, sets = touch_sets_of(some, tactile_samples)
-        own = None if models is None else models[indices]
-        loss, scores = evaluate(net, sets, some.masks[indices], device, own)
+        loss, scores = evaluate(net, sets, some.packed, device, models, indices)
         rows.append((split, None, loss, float(scores.mean()), len(scores)))
         progress(f"reconstruction: {split} Jaccard {scores.mean():.1f} over {len(scores)} sets")
         for touches in range(most + 1):
             rng = np.random.default_rng([seed, touches])
             sets = draw_touch_sets(some, rng, fewest=touches, most=touches)
-            loss, scores = evaluate(net, sets, some.masks, device, models)
+            loss, scores = evaluate(net, sets, some.packed, device, models)
             rows.append((split, touches, loss, float(scores.mean()), len(scores)))
     table = pd.DataFrame(rows, columns=["split", "touches", "loss", "jaccard", "samples"])
     return table.astype({"touches": "Int64"})
@@ -58,11 +58,16 @@ def mean_shape_jaccard(train: Shapes, test: Shapes) -> float:
     What a reconstruction that ignores its touches can reach at best: a U-Net must beat it.
     The mean is thresholded where it scores best on the train masks themselves.
     """
-    mean = train.masks.mean(axis=0)
+    mean = sum(masks.sum(axis=0) for masks in train.packed.portions()) / len(train)
     levels = np.linspace(0.05, 0.95, 19)
-    on_train = [jaccard_index(mean > level, train.masks).mean() for level in levels]
-    best = levels[int(np.argmax(on_train))]
-    return float(jaccard_index(mean > best, test.masks).mean())
+    on_train = [mean_jaccard(mean > level, train.packed) for level in levels]
+    return mean_jaccard(mean > levels[int(np.argmax(on_train))], test.packed)
+
+
+def mean_jaccard(prediction: np.ndarray, masks: PackedMasks) -> float:
+    """Mean Jaccard index of one prediction (R, R) on all of the masks."""
+    scores = [jaccard_index(prediction, some) for some in masks.portions()]
+    return float(np.concatenate(scores).mean())
 
 
 def overfit_jaccard(train: Shapes, *, shapes: int = 6, epochs: int = 200, seed: int = 0) -> float:
@@ -78,5 +83,5 @@ def overfit_jaccard(train: Shapes, *, shapes: int = 6, epochs: int = 200, seed: 
     for _ in range(epochs):
         train_epoch(training, few, len(few), draw)
     sets = draw_touch_sets(few, np.random.default_rng(seed), OVERFIT_TOUCHES, OVERFIT_TOUCHES)
-    _, scores = evaluate(training.net, sets, few.masks, training.device)
+    _, scores = evaluate(training.net, sets, few.packed, training.device)
     return float(scores.mean())

@@ -45,6 +45,7 @@ def search_unet(
     they tried: a search that was killed and starts again repeats the same suggestions and
     finds their epochs done.
     """
+    progress("U-Net search: Ray starts, or answers")
     with running_ray(settings.concurrent, token), seeded(settings.seed):
         results = run_trials(
             train, eval_shapes, settings, touches or outline_source(train), work.resolve(), progress

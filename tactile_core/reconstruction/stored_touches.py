@@ -20,14 +20,18 @@ def touch_sets_of(
     rows = tactile_samples[tactile_samples["sample_id"].isin(index.keys())]
     indices = np.array([index[sample] for sample in rows["sample_id"]], int)
     sets = [as_points(touches) for touches in rows["touches"]]
-    outlines = [set(map(tuple, outline.tolist())) for outline in shapes.outlines]
     for number, touches in zip(indices, sets, strict=True):
-        if not outlines[number].issuperset(map(tuple, touches.tolist())):
+        if not np.isin(pixels(touches), pixels(shapes.outlines[number])).all():
             raise TactileError(
                 f"touches of {shapes.sample_ids[number]} lie off its outline: materialise "
                 "tactile_samples again"
             )
     return indices, sets
+
+
+def pixels(points: np.ndarray) -> np.ndarray:
+    """A number (k,) for each of (k, 2) int16 points."""
+    return points[:, 0].astype(np.int32) * 2**16 + points[:, 1]
 
 
 def stored_touches(shapes: Shapes, tactile_samples: pd.DataFrame) -> TouchSource:
@@ -42,16 +46,16 @@ def stored_touches(shapes: Shapes, tactile_samples: pd.DataFrame) -> TouchSource
             f"{(counts == 0).sum()} samples have no touch set (first: "
             f"{shapes.sample_ids[int(counts.argmin())]}): materialise tactile_samples again"
         )
-    most = max(map(len, sets))
-    points = np.zeros((len(sets), most, 2), np.int16)
-    held = np.zeros((len(sets), most), bool)
-    for row, touches in enumerate(sets):
-        points[row, : len(touches)], held[row, : len(touches)] = touches, True
+    lengths = np.array([len(touches) for touches in sets])
+    points = np.zeros((len(sets), lengths.max(), 2), np.int16)
+    for row, touches in zip(points, sets, strict=True):
+        row[: len(touches)] = touches
     by_owner = np.argsort(owners, kind="stable")
     firsts = np.cumsum(counts) - counts  # of each shape, in the order of `by_owner`
 
     def draw(rng: np.random.Generator, indices: np.ndarray) -> np.ndarray:
         chosen = by_owner[firsts[indices] + rng.integers(counts[indices])]  # (B,)
-        return touch_images(points[chosen], held[chosen], shapes.resolution)
+        held = np.arange(points.shape[1]) < lengths[chosen, None]
+        return touch_images(points[chosen], held, shapes.resolution)
 
-    return TouchSource(draw, content_hash(owners.tobytes(), *(some.tobytes() for some in sets)))
+    return TouchSource(draw, content_hash(owners.tobytes(), lengths.tobytes(), points.tobytes()))

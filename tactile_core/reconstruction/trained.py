@@ -13,14 +13,15 @@ from torch import Tensor
 from upath import UPath
 
 from tactile_core.checksums import sealed_json, unsealed_json
+from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
 from tactile_core.reconstruction.known_shapes import (
     PACKED_SHAPES,
     KnownShapes,
-    bits_of,
     models_of,
+    rows_of,
     unpack,
 )
 from tactile_core.reconstruction.unet import UNet
@@ -63,7 +64,7 @@ class TrainedUNet:
         if self.known is not None:
             models = None
             if trained_on is not None:
-                models = models_of(self.known, trained_on.masks, trained_on.model_ids)
+                models = models_of(self.known, trained_on.packed, trained_on.model_ids)
             known = KnownShapes(unpack(self.known, self.resolution), models)
         net = UNet(self.depth, self.channels, known)
         net.load_state_dict(self.weights)
@@ -79,10 +80,10 @@ class TrainedUNet:
             return self.weights
         return {**self.weights, PACKED_SHAPES: torch.from_numpy(self.known)}
 
-    def forgetting(self, masks: np.ndarray) -> "TrainedUNet":
-        """This U-Net without `masks` (N, R, R) bool among the shapes that it knows."""
+    def forgetting(self, masks: PackedMasks) -> "TrainedUNet":
+        """This U-Net without `masks` among the shapes that it knows."""
         assert self.known is not None
-        forgotten = {row.tobytes() for row in bits_of(masks)}
+        forgotten = set(rows_of(masks))
         kept = [row.tobytes() not in forgotten for row in self.known]
         return replace(self, known=self.known[kept])
 

@@ -12,10 +12,12 @@ from torch import nn
 from torch.nn import functional
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
+from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.errors import TactileError
 from tactile_core.keys import work_key
+from tactile_core.progress import teller
 from tactile_core.reconstruction.batches import (
     DrawFelt,
     TouchSource,
@@ -126,21 +128,24 @@ def bce_loss(
 def evaluate(
     net: nn.Module,
     touch_sets: Sequence[np.ndarray],
-    masks: np.ndarray,
+    masks: PackedMasks,
     device: torch.device,
     models: np.ndarray | None = None,
+    owners: np.ndarray | None = None,
 ) -> tuple[float, np.ndarray]:
     """Loss (mean over pixels) and Jaccard indices (N,) of N touch sets (k, 2) on their masks.
 
-    models : (N,) str, whose masks these are, for a net that must not recall them
+    models : (M,) str, whose masks these are, for a net that must not recall them
+    owners : (N,) int, the mask of each touch set; None: they are N, and in the same order
 
     Raises `TactileError` where the loss is not finite.
     """
     net.eval()
     losses, scores = [], []
-    for start in range(0, len(masks), EVALUATION_BATCH):
+    owners = np.arange(len(masks)) if owners is None else owners
+    for start in range(0, len(owners), EVALUATION_BATCH):
         batch = slice(start, start + EVALUATION_BATCH)
-        some, own = masks[batch], None if models is None else models[batch]
+        some, own = masks[owners[batch]], None if models is None else models[owners[batch]]
         touched = torch.from_numpy(rasterise_touches(touch_sets[batch], masks.shape[-1]))
         inputs = touched.to(device, torch.float32)[:, None]
         with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16_pays(device.type)):
@@ -149,7 +154,7 @@ def evaluate(
         loss = functional.binary_cross_entropy_with_logits(logits, labels)
         losses.append(loss.item() * len(some))
         scores.append(jaccard_index(torch.sigmoid(logits)[:, 0].cpu().numpy(), some))
-    return finite(sum(losses) / len(masks)), np.concatenate(scores)
+    return finite(sum(losses) / len(owners)), np.concatenate(scores)
 
 
 def finite(loss: float) -> float:
@@ -178,7 +183,7 @@ def train_unet(
     space too where `settings.free_space` is set.
     """
     rate, batch_size, depth, channels = required(settings)
-    packed = pack(train.masks) if settings.known_shapes else None
+    packed = pack(train.packed) if settings.known_shapes else None
     known = None
     if packed is not None:
         models = train.model_ids[picked(len(train))]
@@ -203,17 +208,18 @@ def train_unet(
         curve, best = saved["curve"], saved["best"]
         progress(f"U-Net: resuming after epoch {len(curve)}")
     curves = curves_folder(work, resumed=bool(saved))
+    tell = teller(progress, settings.epochs)
     for epoch in range(len(curve) + 1, settings.epochs + 1):
         if stopped_early(curve, settings.patience):
             progress(f"U-Net: no better eval loss for {settings.patience} epochs, stopping")
             break
-        loss = train_epoch(
-            training, train, batch_size, touches.draw,
-            before_batch=lambda share, epoch=epoch: set_rate(  # type: ignore[misc]
-                training, rate, epoch - 1 + share, settings.epochs
-            ),
-        )  # fmt: skip
-        eval_loss, scores = evaluate(training.net, touch_sets, eval_shapes.masks, training.device)
+
+        def before_batch(share: float, done: int = epoch - 1) -> None:
+            set_rate(training, rate, done + share, settings.epochs)
+            tell(done + share, f"U-Net: {share:.0%} of epoch {done + 1}/{settings.epochs}")
+
+        loss = train_epoch(training, train, batch_size, touches.draw, before_batch=before_batch)
+        eval_loss, scores = evaluate(training.net, touch_sets, eval_shapes.packed, training.device)
         row = {
             "epoch": epoch, "train_loss": loss,
             "eval_loss": eval_loss, "eval_jaccard": float(scores.mean()),

@@ -61,7 +61,7 @@ def run_trial(
             train_epoch(
                 training, train, batch_size, touches.draw, samples=settings.samples_per_epoch
             )
-            loss, scores = evaluate(training.net, touch_sets, eval_shapes.masks, training.device)
+            loss, scores = evaluate(training.net, touch_sets, eval_shapes.packed, training.device)
             curve = [*curve, {"loss": loss, "jaccard": float(scores.mean())}]
             save_checkpoint(kept, key, {"curve": curve, "training": training.state()})
         with tempfile.TemporaryDirectory() as directory:

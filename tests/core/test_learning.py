@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_core.dataset.outlines import outline
+from tactile_core.dataset.packed import pack_masks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.learning.gain_learner import train_scorer
@@ -34,7 +35,7 @@ LEFT, RIGHT = 14, 33  # outer columns of the two walls
 def shapes_of(masks: np.ndarray) -> Shapes:
     names = np.array([f"shape {number}" for number in range(len(masks))])
     return Shapes(
-        masks=masks,
+        packed=pack_masks(masks),
         outlines=[outline(mask) for mask in masks],
         sample_ids=names,
         model_ids=names,

@@ -1,12 +1,15 @@
 """Masks as 1-bit PNG bytes, the form in which tables hold them."""
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
+import pandas as pd
 from PIL import Image
 
 from tactile_core.errors import TactileError
+
+AT_A_TIME = 256  # masks that are unpacked together where all of them are gone through
 
 
 def encode_mask(mask: np.ndarray) -> bytes:
@@ -28,3 +31,13 @@ def decode_masks(pictures: Iterable[bytes]) -> np.ndarray:
             f"a mask is no picture as the others are ({error}): materialise masks and "
             "rotated_splits again"
         ) from error
+
+
+def decoded(pictures: pd.Series) -> Iterator[np.ndarray]:
+    """All masks in order, some at a time, (n, R, R) bool; a whole table may not fit the memory."""
+    return (decode_masks(pictures.iloc[some]) for some in portions(len(pictures)))
+
+
+def portions(count: int) -> Iterator[slice]:
+    """Slices that cover `count` masks, each of as many as are unpacked at a time."""
+    return (slice(start, start + AT_A_TIME) for start in range(0, count, AT_A_TIME))

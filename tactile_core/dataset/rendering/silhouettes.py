@@ -24,6 +24,7 @@ from tactile_core.errors import DamagedError, TactileError
 from tactile_core.keys import work_key
 from tactile_core.machine import processors
 from tactile_core.processes import end_with_parent
+from tactile_core.progress import counted
 from tactile_core.settings import MaskSettings
 
 EMPTY = "no pixel lies inside its silhouette"
@@ -160,11 +161,7 @@ def render_jobs(
         results = (render(job, root, settings.resolution, None) for job in jobs)
     else:
         results = _in_processes(jobs, root, settings.resolution, platform, max(workers, 1))
-    tenth = max(len(jobs) // 10, 1)
-    for number, masks in enumerate(results, start=1):
-        if number % tenth == 0 and len(jobs) >= MESHES_PER_WORKER:
-            progress(f"rendered {number} of {len(jobs)} meshes")
-        yield masks
+    yield from counted(results, len(jobs), progress, "meshes rendered")
 
 
 def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list[bytes | str]:

@@ -17,6 +17,7 @@ from tactile_core.exploration.learning.replay import Replay
 from tactile_core.exploration.policies.scorer import RayScorer, ray_values, score, scorer_images
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
+from tactile_core.progress import teller
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import GainSettings
 from tactile_core.tensorboard import curves_folder
@@ -56,17 +57,22 @@ def train_scorer(
     if saved:
         learner.load_state(saved)
         progress(f"{title}: resuming after iteration {learner.iteration}")
+    total = settings.gain_iterations
+    tell = teller(progress, total)
     with SummaryWriter(str(curves_folder(work, resumed=bool(saved)))) as writer:
-        while learner.iteration < settings.gain_iterations:
+        while learner.iteration < total:
             learner.iterate()
-            if learner.iteration % max(1, settings.gain_iterations // 20) == 0:
+            if learner.iteration % max(1, total // 20) == 0:
                 row = learner.report()
                 for name in CURVE:
                     writer.add_scalar(f"gain/{name}", row[name], row["steps"])
-                progress(
-                    f"{title}: {learner.iteration}/{settings.gain_iterations} iterations, gain "
-                    f"{row['reward']:.2f} a ray, Jaccard {row['jaccard']:.1f} after {RAYS}"
+            words = f"{title}: {learner.iteration}/{total} iterations"
+            if learner.curve:
+                row = learner.curve[-1]
+                words += (
+                    f", gain {row['reward']:.2f} a ray, Jaccard {row['jaccard']:.1f} after {RAYS}"
                 )
+            tell(learner.iteration, words)
             if learner.iteration % ITERATIONS_PER_CHECKPOINT == 0:
                 save_checkpoint(checkpoint, key, learner.state())
     return learner.net, pd.DataFrame(learner.curve)
@@ -82,7 +88,7 @@ class GainLearner:
         self.settings = settings
         self.rng = np.random.default_rng(seed)
         self.device = best_device()
-        self.masks = np.concatenate([train.masks, train.masks[:, :, ::-1]])
+        self.masks = train.packed
         self.candidates = candidate_rays(train.resolution).reshape(-1, 2)
         self.net = RayScorer().to(self.device)
         self.optimizer = torch.optim.AdamW(self.net.parameters(), weight_decay=1e-4)
@@ -103,7 +109,13 @@ class GainLearner:
         self.iteration = 0
 
     def draw_masks(self, count: int) -> np.ndarray:
-        return self.masks[self.rng.integers(len(self.masks), size=count)]
+        """`count` train shapes, every second of them mirrored on average."""
+        mirrored, which = np.divmod(
+            self.rng.integers(2 * len(self.masks), size=count), len(self.masks)
+        )
+        masks = self.masks[which]
+        masks[mirrored == 1] = masks[mirrored == 1][:, :, ::-1]
+        return masks
 
     def iterate(self) -> None:
         """One ray in every exploration, its lesson kept, and some gradient steps."""

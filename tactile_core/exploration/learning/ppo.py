@@ -16,6 +16,7 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.policies.features import WindowCNN
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
+from tactile_core.progress import teller
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.settings import PolicySettings
 from tactile_core.tensorboard import curves_folder
@@ -54,7 +55,7 @@ def train_ppo(
     for number in range(first, len(approach.stages)):
         env = BatchedTactileEnv(
             settings.environments,
-            train.masks,
+            train.packed,
             reconstructor,
             approach.stages[number],
             reward_scale=settings.reward_scale,
@@ -116,11 +117,11 @@ class Recorder(BaseCallback):
         self.key = key
         self.progress = progress
         self.ended: list[tuple[float, float, float, float]] = []
-        self.reported = -1
         self.kept = 0
 
     def _on_training_start(self) -> None:
         self.kept = self.num_timesteps
+        self.tell = teller(self.progress, self.target)
 
     def _on_step(self) -> bool:
         for info in self.locals["infos"]:
@@ -142,13 +143,11 @@ class Recorder(BaseCallback):
         for name in ("reward", "rays", "jaccard", "touches"):
             self.logger.record(f"episode/{name}", row[name])
         self.logger.dump(self.num_timesteps)
-        tenth = 10 * self.num_timesteps // self.target
-        if tenth > self.reported:
-            self.reported = tenth
-            self.progress(
-                f"{self.title}: {self.num_timesteps}/{self.target} rays, reward {reward:.1f}, "
-                f"Jaccard {jaccard:.1f} with {touches:.1f} touches"
-            )
+        self.tell(
+            self.num_timesteps,
+            f"{self.title}: {self.num_timesteps}/{self.target} rays, reward {reward:.1f}, "
+            f"Jaccard {jaccard:.1f} with {touches:.1f} touches",
+        )
 
     def _on_rollout_start(self) -> None:
         # Here the update from the last rollout is done: the one consistent moment.

@@ -30,7 +30,7 @@ def best_sequence(
     rng = np.random.default_rng(seed)
     some = rng.choice(len(train), min(SHAPES, len(train)), replace=False)
     candidates = candidate_rays(train.resolution).reshape(-1, 2)
-    explorations = Explorations(train.masks[np.sort(some)], reconstructor)
+    explorations = Explorations(train.packed[np.sort(some)], reconstructor)
     rays, rows = [], []
     for number in range(1, RAYS + 1):
         gains, known = find_gains(explorations, 2 * len(candidates), rng)  # (N, C) each

@@ -66,7 +66,7 @@ def train_policy(
             net, curve = train_scorer(
                 title, seed, some, reconstructor, settings, key=key, work=work, progress=progress
             )
-            tensors = net.state_dict() | {PACKED_SHAPES: torch.from_numpy(pack(train.masks))}
+            tensors = net.state_dict() | {PACKED_SHAPES: torch.from_numpy(pack(train.packed))}
         elif approach.learner == "sequence":
             rays, curve = best_sequence(title, seed, some, reconstructor, progress)
             tensors = {RAYS_OF_SEQUENCE: torch.from_numpy(rays)}
@@ -144,4 +144,4 @@ def shapes_to_learn_from(train: Shapes, unet: TrainedUNet) -> tuple[Shapes, Reco
             "materialise unet without known_shapes"
         )
     some = train.select(np.flatnonzero(models % 2))
-    return some, Reconstructor(unet.forgetting(some.masks))
+    return some, Reconstructor(unet.forgetting(some.packed))

@@ -120,12 +120,19 @@ def record(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Ten rays on every train shape: rays (N, RAYS, 2) int and touches (N, RAYS, 2) int16."""
     candidates = candidate_rays(train.resolution).reshape(-1, 2)
-    explorations = Explorations(train.masks, reconstructor)
     rays, touches = [], []
-    for _ in range(RAYS):
-        chosen = np.array(practice.policy.choose(explorations, rng, deterministic=True))
-        stray = np.flatnonzero(rng.random(len(train)) < practice.strays)
-        chosen[stray] = candidates[rng.integers(len(candidates), size=len(stray))]
-        rays.append(chosen)
-        touches.append(explorations.cast(chosen).touches)
-    return np.stack(rays, axis=1), np.stack(touches, axis=1)
+    for masks in train.packed.portions():
+        explorations = Explorations(masks, reconstructor)
+        for _ in range(RAYS):
+            chosen = np.array(practice.policy.choose(explorations, rng, deterministic=True))
+            stray = np.flatnonzero(rng.random(len(masks)) < practice.strays)
+            chosen[stray] = candidates[rng.integers(len(candidates), size=len(stray))]
+            rays.append(chosen)
+            touches.append(explorations.cast(chosen).touches)
+    return by_sample(rays), by_sample(touches)
+
+
+def by_sample(portions: list[np.ndarray]) -> np.ndarray:
+    """RAYS arrays (n, 2) of each portion as (N, RAYS, 2)."""
+    starts = range(0, len(portions), RAYS)
+    return np.concatenate([np.stack(portions[start : start + RAYS], axis=1) for start in starts])

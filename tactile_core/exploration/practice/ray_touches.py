@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from tactile_core.dataset.rendering.pictures import portions
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.rules import GOLDEN, towards_middle
@@ -66,8 +67,7 @@ def practised(practice_rays: pd.DataFrame, shapes: Shapes) -> RaySequences:
     touches = np.stack(table["touches"].to_list()).astype(np.int16).reshape(shape)
     if rays.max() >= len(circle_pixels(shapes.resolution)):  # of a larger resolution
         raise others
-    owners = np.repeat(np.arange(len(shapes)), rays[0].size // 2)
-    if (cast_rays(shapes.masks, rays.reshape(-1, 2), owners) != touches.reshape(-1, 2)).any():
+    if (cast_at(shapes, rays) != touches).any():
         raise others
     return RaySequences(rays, touches)
 
@@ -159,12 +159,16 @@ def plain_sequences(shapes: Shapes, rng: np.random.Generator) -> RaySequences:
     angles = start + 2 * np.pi * GOLDEN * np.arange(RAYS)
     sweeps = towards_middle(angles.ravel(), shapes.resolution)
     mixed = np.where(rng.random((count, 1)) < 0.5, at_random, sweeps)
-    owners = np.repeat(np.arange(len(shapes)), SEQUENCES * RAYS)
     shape = len(shapes), SEQUENCES, RAYS, 2
-    kinds = at_random, sweeps, mixed
-    return RaySequences(
-        np.concatenate([rays.reshape(shape) for rays in kinds], axis=1),
-        np.concatenate(
-            [cast_rays(shapes.masks, rays, owners).reshape(shape) for rays in kinds], axis=1
-        ),
-    )
+    rays = np.concatenate([some.reshape(shape) for some in (at_random, sweeps, mixed)], axis=1)
+    return RaySequences(rays, cast_at(shapes, rays))
+
+
+def cast_at(shapes: Shapes, rays: np.ndarray) -> np.ndarray:
+    """Touches (N, S, RAYS, 2) int16 of the rays (N, S, RAYS, 2) of each of N shapes."""
+    touches = np.empty(rays.shape, np.int16)
+    for some in portions(len(shapes)):
+        masks, own = shapes.packed[some], rays[some]
+        owners = np.repeat(np.arange(len(masks)), own[0].size // 2)
+        touches[some] = cast_rays(masks, own.reshape(-1, 2), owners).reshape(own.shape)
+    return touches

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from tactile_core import ENV_ID, register_environment
+from tactile_core.dataset.packed import Masks
 from tactile_core.errors import TactileError
 from tactile_core.exploration.world.episodes import Episodes, Options
 from tactile_core.exploration.world.pictures import Window, picture, window_missing
@@ -93,7 +94,7 @@ class TactileEnv(gym.Env[np.ndarray, np.ndarray]):
         self.last_ray: np.ndarray | None = None  # (2,) int
 
     @property
-    def masks(self) -> np.ndarray:
+    def masks(self) -> Masks:
         """Those that episodes are drawn from, (M, R, R) bool."""
         return self.episodes.masks
 

@@ -5,6 +5,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from tactile_core.dataset.packed import Masks, PackedMasks
 from tactile_core.errors import TactileError
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.rays import RAY_LIMIT, RAYS
@@ -24,7 +25,7 @@ class Options(TypedDict, total=False):
 class Episodes:
     """Explorations of masks that are drawn from many, with a reward and an end.
 
-    masks : (M, R, R) bool, those that are drawn from
+    masks : (M, R, R) bool or packed, those that are drawn from
     stage : the reward, and what ends an episode
     count, ray_limit : an episode is terminated after `count` rays (`stage.ends == "rays"`) or when
         `count` touches are held ("touches"), and in the latter case truncated after `ray_limit`
@@ -36,7 +37,7 @@ class Episodes:
     def __init__(
         self,
         number: int,
-        masks: np.ndarray,
+        masks: Masks,
         reconstructor: Reconstructor,
         stage: Stage,
         *,
@@ -107,8 +108,10 @@ class Episodes:
         return info
 
 
-def checked(masks: np.ndarray) -> np.ndarray:
+def checked(masks: Masks) -> Masks:
     """Masks (M, R, R) of 0 and 1 as bool; raises `TactileError` where they are none."""
+    if isinstance(masks, PackedMasks):
+        return masks
     masks = np.asarray(masks)
     if masks.ndim != 3 or not len(masks) or masks.shape[1] != masks.shape[2]:
         raise TactileError(f"masks are of shape (M, R, R), at least one; these are {masks.shape}")

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from stable_baselines3.common.vec_env import VecEnv
 
+from tactile_core.dataset.packed import Masks
 from tactile_core.exploration.world.episodes import Episodes, Options
 from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.state import Explorations
@@ -26,7 +27,7 @@ class BatchedTactileEnv(VecEnv):
     def __init__(
         self,
         environments: int,
-        masks: np.ndarray,
+        masks: Masks,
         reconstructor: Reconstructor,
         stage: Stage,
         *,

@@ -8,9 +8,11 @@ import pytest
 from upath import UPath
 
 from tactile_core.errors import TactileError
+from tactile_core.evaluation import rollouts as rollout_module
+from tactile_core.evaluation.casting import Casting, Part, kept, policy_rng
 from tactile_core.evaluation.readings import per_grasp_reading, per_step_reading
 from tactile_core.evaluation.replay import replayed
-from tactile_core.evaluation.rollouts import Casting, cast_rollouts, how_far, policy_rng
+from tactile_core.evaluation.rollouts import cast_rollouts
 from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.learning.train import train_policy
 from tactile_core.exploration.policies.ppo import PPOPolicy
@@ -143,10 +145,46 @@ def test_what_was_kept_has_the_hash_of_what_is_cast_anew(trained, shapes, unet, 
     assert table_hash(kept) == table_hash(anew) == table_hash(mixed)
 
 
-def test_it_says_how_far_it_is():
-    castings = [Casting(find_reference("even"), "rule", "", done) for done in (1.0, 0.5, 0.0)]
-    words = "rollouts: 50% of 3, one for each policy and choice; about 10 s to go"
-    assert how_far(castings, 10) == words
+class KilledError(Exception):
+    """Where a run is broken off."""
+
+
+def test_what_a_killed_run_has_cast_is_kept(shapes, unet, tmp_path, monkeypatch):
+    """And gives the table that an undisturbed run gives."""
+    monkeypatch.setattr(rollout_module, "SAMPLES_AT_A_TIME", 3)  # of 8
+    some = SETTINGS.model_copy(update={"references": ["random", "even"]})
+    undisturbed = cast_rollouts([], shapes["test"], unet, some, workers=1)
+
+    def killed(message: str) -> None:
+        if "random" in message:
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        cast_rollouts([], shapes["test"], unet, some, None, killed, workers=1, work=tmp_path)
+    left = sorted(tmp_path.glob("*.parquet"))
+    assert len(left) >= 3
+    assert set(pd.concat(map(read_table, left))["policy"]) >= {"random"}
+    again = cast_rollouts([], shapes["test"], unet, some, workers=1, work=tmp_path)
+    pd.testing.assert_frame_equal(again, undisturbed)
+    assert not tmp_path.exists()
+
+
+def test_what_was_left_by_a_killed_run_is_not_cast_again(shapes, unet, tmp_path):
+    some = SETTINGS.model_copy(update={"references": ["even"]})
+    first = cast_rollouts([], shapes["test"], unet, some)
+    casting = Casting(find_reference("even"), "rule", first["key"][0])
+    part = Part(casting, slice(0, rollout_module.SAMPLES_AT_A_TIME))
+    other = first.assign(jaccard=0.0)
+    assert kept(part, tmp_path, lambda: other) is other
+    again = cast_rollouts([], shapes["test"], unet, some, work=tmp_path)
+    assert (again["jaccard"] == 0).all()
+
+
+def test_samples_that_are_cast_apart_draw_numbers_of_their_own(shapes, unet, monkeypatch):
+    monkeypatch.setattr(rollout_module, "SAMPLES_AT_A_TIME", 4)
+    some = SETTINGS.model_copy(update={"references": ["random"]})
+    rays = cast_rollouts([], shapes["test"], unet, some).query("ray == 1")[["alpha", "beta"]]
+    assert not (rays[:4].to_numpy() == rays[4:].to_numpy()).all()
 
 
 def test_choices_and_lengths_that_were_not_cast_are_refused(rollouts):

@@ -4,6 +4,7 @@ import dataclasses
 import io
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,6 +14,7 @@ from PIL import Image, ImageSequence
 from scipy.ndimage import gaussian_filter, label
 
 from tactile_core.dataset.outlines import outline
+from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.evaluation.replay import Rollout
 from tactile_core.exploration.world.rays import candidate_rays, cast_rays, ray_ends
 from tactile_core.figures.animation import rollout_gif
@@ -22,6 +24,10 @@ from tactile_core.figures.sheets import crop, mask_sheet, reconstruction_sheet, 
 from tactile_core.figures.style import MUTED, PINK, RAY, SHAPE, TINT, YELLOW, blend, png
 
 R = 64
+
+
+def as_pictures(masks: np.ndarray) -> pd.Series:
+    return pd.Series(map(encode_mask, masks))
 
 
 def bottle() -> np.ndarray:
@@ -173,7 +179,7 @@ def test_tiles_keep_every_pixel_that_a_shape_can_reach_where_the_corners_say(
 
 def test_a_sheet_shows_every_category_and_no_more_of_each_than_asked() -> None:
     masks = np.repeat(bottle()[None], 50, axis=0)
-    figure = mask_sheet(masks, np.array(["mug"] * 10 + ["bottle"] * 40), each=24)
+    figure = mask_sheet(as_pictures(masks), np.array(["mug"] * 10 + ["bottle"] * 40), each=24)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["bottle  (24 of 40)", "mug"]
     heights = [axes.images[0].get_array().shape[0] for axes in figure.axes]
     assert [round(height / crop(masks).shape[1]) for height in heights] == [2, 1]
@@ -186,7 +192,7 @@ def test_touches_stand_on_the_outlines_of_their_sheet() -> None:
     cells = [np.array([None, None], object) for _ in masks]  # as pandas reads lists of points
     for cell, points in zip(cells, outlines, strict=True):
         cell[:] = list(points[[0, 20]])
-    figure = touch_sheet(masks, outlines, cells, np.array(["bottle", "bottle"]))
+    figure = touch_sheet(as_pictures(masks), outlines, cells, np.array(["bottle", "bottle"]))
     (axes,) = figure.axes
     image = axes.images[0].get_array()
     dots = np.concatenate([some.get_offsets() for some in axes.collections]).astype(int)

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tactile_core.dataset.rendering import pictures
 from tactile_core.reconstruction.batches import (
     ORIENTATIONS,
     draw_touch_sets,
     felt_outlines,
     orient,
     outline_touches,
-    pad_outlines,
     touch_images,
     training_batches,
 )
@@ -89,12 +89,14 @@ def test_every_outline_pixel_is_drawn_equally_often(shapes):
     assert counts == pytest.approx(200, abs=75)
 
 
-def test_outlines_are_padded_without_loss(shapes):
-    padded = pad_outlines(shapes["train"].outlines, least=10)
-    for outline, row, length in zip(
-        shapes["train"].outlines, padded.points, padded.lengths, strict=True
-    ):
-        np.testing.assert_array_equal(row[:length], outline)
+def test_touches_drawn_in_portions_are_those_drawn_at_once(shapes, monkeypatch):
+    draw = outline_touches(shapes["train"])
+    indices = np.arange(len(shapes["train"]))
+    at_once = draw(np.random.default_rng(0), indices)
+    monkeypatch.setattr(pictures, "AT_A_TIME", 5)
+    in_portions = draw(np.random.default_rng(0), indices)
+    for one, other in zip(at_once, in_portions, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_only_touches_that_are_held_are_drawn():

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tactile_core.dataset.packed import pack_masks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.reconstruction.jaccard import jaccard_index
@@ -81,7 +82,7 @@ def test_on_the_train_split_no_model_is_reconstructed_from_its_own_known_shapes(
     rows = evaluate_reconstruction(knowing_unet, train, tactile_samples, most=1)
     own = evaluate_reconstruction(knowing_unet, {"test": shapes["train"]}, tactile_samples, most=1)
     assert (rows["jaccard"].iloc[0] + 3) < own["jaccard"].iloc[0]
-    models = models_of(knowing_unet.known, shapes["train"].masks, shapes["train"].model_ids)
+    models = models_of(knowing_unet.known, shapes["train"].packed, shapes["train"].model_ids)
     assert models.tolist() == shapes["train"].model_ids.tolist()
 
 
@@ -99,7 +100,7 @@ def test_the_mean_shape_is_thresholded_where_it_fits_best():
     discs = [np.hypot(rows, columns) < radius for radius in (3, 5, 6)]
     masks = np.array(discs)
     names = np.array(["a", "b", "c"])
-    shapes = Shapes(masks, [], names, names, names, names)
+    shapes = Shapes(pack_masks(masks), [], names, names, names, names)
     expected = max(jaccard_index(disc.astype(float), masks).mean() for disc in discs)
     assert mean_shape_jaccard(shapes, shapes) == pytest.approx(expected)
 

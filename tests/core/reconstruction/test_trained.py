@@ -8,6 +8,7 @@ import torch
 from safetensors.torch import load, save
 from upath import UPath
 
+from tactile_core.dataset.packed import pack_masks
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction.known_shapes import unpack
 from tactile_core.reconstruction.trained import load_unet, save_unet
@@ -40,7 +41,7 @@ def test_the_known_shapes_are_stored_with_the_net_and_can_be_forgotten(
     again = load_unet(UPath(tmp_path))
     assert again.version() == knowing_unet.version()
     np.testing.assert_array_equal(unpack(again.known, 64), masks)
-    less = again.forgetting(masks[:5])
+    less = again.forgetting(pack_masks(masks[:5]))
     np.testing.assert_array_equal(unpack(less.known, 64), masks[5:])
     assert less.version() != again.version()
 

@@ -3,11 +3,14 @@
 import os
 
 import pytest
-from moto.server import ThreadedMotoServer
+from upath import UPath
 
 from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
 from tactile_core.settings import MeshSettings
 from tests.core.dataset.mesh_files import BOTTLE, MUG, ONE, V2, make_folder, make_zip, obj, refusal
+from tests.object_store import BUCKET, object_store
+
+BOTH = {"mug": MUG, "bottle": BOTTLE}
 
 
 def test_only_regular_files_inside_the_folder_are_read(collect, tmp_path):
@@ -87,21 +90,11 @@ def test_a_server_that_tells_no_version_is_named_as_not_watched(make_store):
 
 def test_an_object_of_s3_that_was_overwritten_is_seen(monkeypatch):
     """By another process: the file system here must not answer from what it listed before."""
-    boto3 = pytest.importorskip("boto3")
-    server = ThreadedMotoServer("127.0.0.1", port=0, verbose=False)
-    server.start()
-    try:
-        host, port = server.get_host_and_port()
-        for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
-            monkeypatch.setenv(name, "testing")
-        monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
-        client = boto3.client("s3", endpoint_url=f"http://{host}:{port}")
-        client.create_bucket(Bucket="bucket")
-        settings = MeshSettings(classes=ONE, location="s3://bucket/core")
+    with object_store(monkeypatch) as s3:
+        settings = MeshSettings(classes=ONE, location=f"s3://{BUCKET}/core")
 
         def put(name: str, data: bytes) -> str:
-            client.put_object(Bucket="bucket", Key=f"core/{name}", Body=data)
+            s3.put(f"core/{name}", data)
             return source_fingerprint(settings).value
 
         first = put(f"{MUG}/a/model.obj", b"old")
@@ -109,5 +102,20 @@ def test_an_object_of_s3_that_was_overwritten_is_seen(monkeypatch):
         second = put(f"{MUG}/a/model.obj", b"new")
         third = put(f"{MUG}.zip", b"old")
         assert len({first, second, third, put(f"{MUG}.zip", b"new")}) == 4
-    finally:
-        server.stop()
+
+
+def test_archives_and_meshes_in_s3_are_those_of_a_disk(monkeypatch, collect, tmp_path):
+    """Read from objects, kept as objects, and those that are no longer listed removed."""
+    models = {f"{MUG}/{name}/{V2}": obj(size) for name, size in [("a", 1), ("b", 2)]}
+    archive = make_zip(tmp_path / f"source/{MUG}.zip", models)
+    with object_store(monkeypatch) as s3:
+        s3.put(f"core/{MUG}.zip", archive.read_bytes())
+        s3.put(f"core/{BOTTLE}/c/{V2}", obj(3))
+        make_folder(tmp_path / f"source/{BOTTLE}", {f"c/{V2}": obj(3)})
+        s3.put(f"store/{MUG}/old/{V2}", obj(4))
+        there = {"location": f"s3://{BUCKET}/core", "root": UPath(f"s3://{BUCKET}/store")}
+        in_s3 = collect(classes=BOTH, **there)
+        assert in_s3.equals(collect(classes=BOTH))
+        stored = [key for key in s3.names() if key.startswith("store/")]
+        assert sorted(stored) == sorted(f"store/{file}" for file in in_s3["file"])
+        assert s3.get(f"store/{MUG}/a/{V2}") == obj(1)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tactile_core.dataset.packed import pack_masks
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.references import find_reference
 from tactile_core.exploration.practice import practice
@@ -53,7 +54,7 @@ def test_practice_on_other_samples_is_refused(small_shapes, tmp_path):
     for other in (small_shapes["test"], train.select(np.arange(len(train) - 1))):
         with pytest.raises(TactileError, match="recorded on other train samples"):
             practised(table, other)
-    mirrored = dataclasses.replace(train, masks=train.masks[:, :, ::-1].copy())
+    mirrored = dataclasses.replace(train, packed=pack_masks(train.masks[:, :, ::-1]))
     larger = table.assign(rays=[2 * rays for rays in table["rays"]])
     for some, other in ((table, mirrored), (larger, train)):
         with pytest.raises(TactileError, match="recorded on other train samples"):
