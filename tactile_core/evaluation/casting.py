@@ -3,7 +3,7 @@
 import contextlib
 import threading
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,65 +19,79 @@ from tactile_core.keys import work_key
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.settings import RolloutSettings
 
+SAMPLES_AT_A_TIME = 128  # to bound the memory, and what a killed run has to cast again
 
-@dataclass(frozen=True)
+
+@dataclass
 class Casting:
-    """The rollouts of one policy by one choice."""
+    """The rollouts of one policy by one choice, and how far they are, 0–1."""
 
     policy: Policy
     choice: str
     key: str
+    done: float = 0.0
+    stop: threading.Event = field(default_factory=threading.Event)
 
     @property
     def name(self) -> str:
         return f"{self.policy.name} (seed {self.policy.seed}, {self.choice})"
 
 
-@dataclass
-class Part:
-    """The rollouts of a casting on some of the test samples, and how far they are, 0–1."""
+def cast_one(
+    casting: Casting,
+    test: Shapes,
+    reconstructor: Reconstructor,
+    settings: RolloutSettings,
+    work: Path | None,
+) -> pd.DataFrame:
+    """Its rows in the order of the rays; what `work` keeps of a run that was killed is not cast
+    again."""
+    starts = range(0, len(test), SAMPLES_AT_A_TIME)
+    tables = []
+    for number, start in enumerate(starts):
+        samples = slice(start, start + SAMPLES_AT_A_TIME)
 
-    casting: Casting
-    samples: slice
-    done: float = 0.0
-    stop: threading.Event = field(default_factory=threading.Event)
+        def told(share: float, before: int = number) -> None:
+            casting.done = (before + share) / len(starts)
+
+        file = work and work / f"{work_key(rollouts=casting.key, samples=repr(samples))}.parquet"
+        table = kept(file)
+        if table is None:
+            table = cast_part(casting, samples, test, reconstructor, settings, told)
+            if file and not casting.stop.is_set():
+                write_table(table, file)
+        tables.append(table)
+        told(1)
+    return pd.concat(tables).sort_values("ray", kind="stable", ignore_index=True)
 
 
-def joined(parts: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
-    """Parts by their first sample as one table, ray by ray, each in the order of the samples."""
-    table = pd.concat([parts[start] for start in sorted(parts)])
-    return table.sort_values("ray", kind="stable", ignore_index=True)
-
-
-def kept(part: Part, work: Path | None, cast: Callable[[], pd.DataFrame]) -> pd.DataFrame:
-    """The rows of a part, from `work` if a run that was killed had them there, else newly cast."""
-    if work is None:
-        return cast()
-    samples = f"{part.samples.start}-{part.samples.stop}"
-    file = work / f"{work_key(casting=part.casting.key, samples=samples)}.parquet"
-    with contextlib.suppress(TactileError):  # it was not cast yet, or is damaged
-        table = read_table(file)
-        part.done = 1.0
-        return table
-    table = cast()
-    if not part.stop.is_set():
-        write_table(table, file)
-    return table
+def kept(file: Path | None) -> pd.DataFrame | None:
+    """What a run that was killed has left; None where there is nothing, or it is damaged."""
+    if file is not None:
+        with contextlib.suppress(TactileError):
+            return read_table(file)
+    return None
 
 
 def cast_part(
-    part: Part, test: Shapes, reconstructor: Reconstructor, settings: RolloutSettings
+    casting: Casting,
+    samples: slice,
+    test: Shapes,
+    reconstructor: Reconstructor,
+    settings: RolloutSettings,
+    told: Callable[[float], None],
 ) -> pd.DataFrame:
-    """Its rows in the order of the rays; shapes that have enough of them are left out."""
-    casting, policy = part.casting, part.casting.policy
-    rng = policy_rng(policy, settings.seed, part.samples.start)
-    masks = test.packed[part.samples]
-    sample_numbers = np.arange(len(test))[part.samples]
+    """The rollouts on some of the test samples; `told` is told how far they are, 0–1. Shapes that
+    have enough rays are left out."""
+    policy = casting.policy
+    rng = policy_rng(policy, settings.seed, samples.start)
+    masks = test.packed[samples]
+    sample_numbers = np.arange(len(test))[samples]
     explorations = Explorations(masks, reconstructor)
     active = np.arange(len(masks))
     tables = []
     for ray in range(1, settings.ray_limit + 1):
-        if part.stop.is_set():
+        if casting.stop.is_set():
             break
         rays = policy.choose(explorations, rng, casting.choice == "likeliest")
         cast = explorations.cast(rays)
@@ -91,7 +105,7 @@ def cast_part(
         tables.append(table)
         held = np.full(len(masks), settings.count)
         held[active] = np.minimum(explorations.held, settings.count)
-        part.done = max(held.mean() / settings.count, ray / settings.ray_limit)
+        told(max(held.mean() / settings.count, ray / settings.ray_limit))
         if ray < settings.count:
             continue
         unfinished = np.flatnonzero(explorations.held < settings.count)
@@ -99,7 +113,6 @@ def cast_part(
             break
         if len(unfinished) < len(active):
             active, explorations = active[unfinished], explorations.select(unfinished)
-    part.done = 1.0
     return pd.concat(tables, ignore_index=True).assign(key=casting.key)
 
 

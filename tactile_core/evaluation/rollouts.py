@@ -11,7 +11,7 @@ import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.evaluation.casting import Casting, Part, cast_part, joined, kept
+from tactile_core.evaluation.casting import Casting, cast_one
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.references import REFERENCES, find_reference
 from tactile_core.keys import work_key
@@ -25,7 +25,6 @@ from tactile_core.threads import one_thread
 Progress = Callable[[str], None]
 
 RULE = "rule"  # the choice of a policy that has no distribution of rays
-SAMPLES_AT_A_TIME = 128  # to bound the memory, and what a killed run has to cast again
 
 
 def cast_rollouts(
@@ -85,37 +84,33 @@ def cast_missing(
     work: Path | None,
 ) -> dict[str, pd.DataFrame]:
     """The rollouts of each of `castings` by its key; it says how far they are."""
-    starts = range(0, len(test), SAMPLES_AT_A_TIME)
-    some = [slice(start, start + SAMPLES_AT_A_TIME) for start in starts]
-    parts = [Part(casting, samples) for casting in castings for samples in some]
     own = threading.local()
 
-    def cast(part: Part) -> pd.DataFrame:
+    def cast(casting: Casting) -> pd.DataFrame:
         if not hasattr(own, "reconstructor"):  # what OpenVINO compiled serves one thread
             own.reconstructor = Reconstructor(unet)
-        return kept(part, work, lambda: cast_part(part, test, own.reconstructor, settings))
+        return cast_one(casting, test, own.reconstructor, settings, work)
 
-    tables: dict[str, dict[int, pd.DataFrame]] = {casting.key: {} for casting in castings}
-    tell = teller(progress, len(parts))
+    tables: dict[str, pd.DataFrame] = {}
+    tell = teller(progress, len(castings))
     with ThreadPoolExecutor(workers) as pool:
-        under_way = {pool.submit(cast, part): part for part in parts}
+        under_way = {pool.submit(cast, casting): casting for casting in castings}
         try:
             while under_way:
                 over, _ = wait(under_way, SECONDS_BETWEEN_WORDS, FIRST_COMPLETED)
                 for future in over:
-                    part = under_way.pop(future)
-                    of_casting = tables[part.casting.key]
-                    of_casting[part.samples.start] = future.result()
-                    if len(of_casting) == len(some):
-                        progress(summary(part.casting, joined(of_casting), settings))
-                done = sum(part.done for part in parts)
+                    casting = under_way.pop(future)
+                    tables[casting.key] = future.result()
+                    progress(summary(casting, tables[casting.key], settings))
+                done = sum(casting.done for casting in castings)
+                words = f"rollouts: {done / len(castings):.0%} of {len(castings)}, one for each"
                 if under_way:
-                    tell(done, f"rollouts: {done / len(parts):.0%} of {len(castings)} are cast")
+                    tell(done, f"{words} policy and choice")
         finally:
-            for part in parts:
-                part.stop.set()
+            for casting in castings:
+                casting.stop.set()
             pool.shutdown(cancel_futures=True)
-    return {key: joined(of_casting) for key, of_casting in tables.items()}
+    return tables
 
 
 def rollout_key(

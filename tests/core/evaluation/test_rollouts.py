@@ -8,8 +8,8 @@ import pytest
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.evaluation import rollouts as rollout_module
-from tactile_core.evaluation.casting import Casting, Part, kept, policy_rng
+from tactile_core.evaluation import casting
+from tactile_core.evaluation.casting import Casting, cast_one, policy_rng
 from tactile_core.evaluation.readings import per_grasp_reading, per_step_reading
 from tactile_core.evaluation.replay import replayed
 from tactile_core.evaluation.rollouts import cast_rollouts
@@ -151,7 +151,7 @@ class KilledError(Exception):
 
 def test_what_a_killed_run_has_cast_is_kept(shapes, unet, tmp_path, monkeypatch):
     """And gives the table that an undisturbed run gives."""
-    monkeypatch.setattr(rollout_module, "SAMPLES_AT_A_TIME", 3)  # of 8
+    monkeypatch.setattr(casting, "SAMPLES_AT_A_TIME", 3)  # of 8
     some = SETTINGS.model_copy(update={"references": ["random", "even"]})
     undisturbed = cast_rollouts([], shapes["test"], unet, some, workers=1)
 
@@ -169,19 +169,18 @@ def test_what_a_killed_run_has_cast_is_kept(shapes, unet, tmp_path, monkeypatch)
     assert not tmp_path.exists()
 
 
-def test_what_was_left_by_a_killed_run_is_not_cast_again(shapes, unet, tmp_path):
+def test_what_a_killed_run_has_left_is_not_cast_again(shapes, unet, reconstructor, tmp_path):
     some = SETTINGS.model_copy(update={"references": ["even"]})
     first = cast_rollouts([], shapes["test"], unet, some)
-    casting = Casting(find_reference("even"), "rule", first["key"][0])
-    part = Part(casting, slice(0, rollout_module.SAMPLES_AT_A_TIME))
-    other = first.assign(jaccard=0.0)
-    assert kept(part, tmp_path, lambda: other) is other
-    again = cast_rollouts([], shapes["test"], unet, some, work=tmp_path)
-    assert (again["jaccard"] == 0).all()
+    even = Casting(find_reference("even"), "rule", first["key"][0])
+    cast_one(even, shapes["test"], reconstructor, some, tmp_path)
+    (left,) = tmp_path.iterdir()
+    write_table(read_table(left).assign(jaccard=-1.0), left)
+    assert (cast_rollouts([], shapes["test"], unet, some, work=tmp_path)["jaccard"] == -1).all()
 
 
 def test_samples_that_are_cast_apart_draw_numbers_of_their_own(shapes, unet, monkeypatch):
-    monkeypatch.setattr(rollout_module, "SAMPLES_AT_A_TIME", 4)
+    monkeypatch.setattr(casting, "SAMPLES_AT_A_TIME", 4)
     some = SETTINGS.model_copy(update={"references": ["random"]})
     rays = cast_rollouts([], shapes["test"], unet, some).query("ray == 1")[["alpha", "beta"]]
     assert not (rays[:4].to_numpy() == rays[4:].to_numpy()).all()
