@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.evaluation.rollouts import policy_rng
+from tactile_core.evaluation.casting import policy_rng
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.world.rays import ray_ends
 from tactile_core.exploration.world.state import Cast, Explorations
@@ -43,7 +43,9 @@ def replayed(rows: pd.DataFrame, test: Shapes, index: int, reconstructor: Recons
     """
     rays = iter(rows[["alpha", "beta"]].to_numpy())  # (T, 2)
     name = str(rows["policy"].iloc[0])
-    rollout = watched(name, test.packed[index], reconstructor, lambda _: next(rays)[None], len(rows))
+    rollout = watched(
+        name, test.packed[index], reconstructor, lambda _: next(rays)[None], len(rows)
+    )
     return replace(rollout, category=str(test.categories[index]))
 
 
