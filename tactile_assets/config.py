@@ -13,9 +13,21 @@ from pydantic import ValidationError, create_model
 from pydantic.fields import FieldInfo
 
 from tactile_core.errors import TactileError
-from tactile_core.settings import Settings, active_profile, problems
+from tactile_core.settings import Profile, Settings, active_profile, problems
 
-PROFILE = active_profile()
+
+def profile_or_end() -> Profile:
+    """The active profile; where `TACTILE_PROFILE` names none, the process ends in one line.
+
+    Of what an import raises Dagster's commands print the whole stack.
+    """
+    try:
+        return active_profile()
+    except TactileError as error:
+        raise SystemExit(str(error)) from None
+
+
+PROFILE = profile_or_end()
 
 AnyConfig = TypeVar("AnyConfig", bound=dg.Config)
 

@@ -1,6 +1,8 @@
 """How asset values become files, in formats that a user can open without this code."""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import dagster as dg
@@ -18,6 +20,31 @@ else:
     TrainedUNet = Any  # Dagster resolves annotations when it loads, and torch takes seconds
 
 
+@contextmanager
+def or_say_how(context: dg.InputContext, path: UPath) -> Iterator[None]:
+    """Where nothing is stored at `path`, the error names the command that makes all that the asset
+    under way needs."""
+    try:
+        yield
+    except TactileError as error:
+        asset = None if path.exists() else asset_under_way(context)
+        if asset is None:
+            raise
+        how = f"dagster asset materialize --select '+{asset}'"
+        raise type(error)(f"{error}, or all that {asset} needs: {how}") from error
+
+
+def asset_under_way(context: dg.InputContext) -> str | None:
+    """The asset whose input is loaded; None for a check, or outside of a run."""
+    try:
+        step = context.step_context
+    except dg.DagsterInvariantViolationError:
+        return None
+    name = step.step.key.partition(".")[0]  # a graph's steps are called asset.step
+    assets = {key.to_user_string() for key in step.job_def.asset_layer.executable_asset_keys}
+    return name if name in assets else None
+
+
 class Tables(dg.UPathIOManager):
     """A table as `<asset>.parquet`."""
 
@@ -27,7 +54,8 @@ class Tables(dg.UPathIOManager):
         write_table(obj, path)
 
     def load_from_path(self, context: dg.InputContext, path: UPath) -> pd.DataFrame:
-        return read_table(path)
+        with or_say_how(context, path):
+            return read_table(path)
 
 
 class UNets(dg.UPathIOManager):
@@ -41,7 +69,8 @@ class UNets(dg.UPathIOManager):
     def load_from_path(self, context: dg.InputContext, path: UPath) -> TrainedUNet:
         from tactile_core.reconstruction.trained import load_unet
 
-        return load_unet(path)
+        with or_say_how(context, path):
+            return load_unet(path)
 
 
 class PolicyIndex(dg.UPathIOManager):
@@ -55,7 +84,8 @@ class PolicyIndex(dg.UPathIOManager):
     def load_from_path(self, context: dg.InputContext, path: UPath) -> list[UPath]:
         from tactile_core.exploration.policies.index import read_index
 
-        return read_index(path)
+        with or_say_how(context, path):
+            return read_index(path)
 
 
 class Steps(dg.UPathIOManager):

@@ -123,7 +123,7 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
                 raise DamagedError(f"{source} is damaged, as its checksum tells: {remedy}")
             return _from_arrow(pq.ParquetFile(file).read())
     except FileNotFoundError as error:
-        missing = f"{source} is missing: materialise the asset that writes it first"
+        missing = f"{source} is missing: materialise {asset or source.stem} first"
         raise DamagedError(missing) from error
     except OSError as error:
         reason = error.strerror or type(error).__name__

@@ -36,6 +36,11 @@ def stored_run(artifacts: UPath) -> StoredRun:
     Raises `TactileError` where something is missing, where the U-Net was trained on a test model,
     or where the rollouts are on other shapes or of another U-Net.
     """
+    if not (artifacts / "rollouts.parquet").exists():
+        raise TactileError(
+            f"no run has left rollouts in {artifacts}: dagster asset materialize --select "
+            "'+rollouts' makes them and all that they need"
+        )
     splits, outlines, rollouts = (
         read_table(artifacts / f"{name}.parquet")
         for name in ("rotated_splits", "outlines", "rollouts")

@@ -51,15 +51,25 @@ def test_a_wrong_resolution_names_the_field_and_the_bound(copy_of_chain):
 
 def test_a_missing_upstream_table_says_what_to_materialise(tmp_path):
     said = failure(tmp_path, "outlines")
-    assert "rotated_splits.parquet is missing: materialise the asset that writes it" in said
+    assert "rotated_splits.parquet is missing: materialise rotated_splits first" in said
+    assert said.endswith("all that outlines needs: dagster asset materialize --select '+outlines'")
 
 
 def test_trainings_without_a_unet_stop_once_and_are_not_tried_again(tmp_path, copy_of_chain):
-    assert "is missing: materialise" in failure(tmp_path / "empty", "policies")
+    said = failure(tmp_path / "empty", "policies")
+    assert "is missing: materialise" in said and "--select '+policies'" in said
     shutil.rmtree(copy_of_chain.home / "artifacts" / "unet")
     assert "holds no trained U-Net: materialise unet first" in failure(
         copy_of_chain.home, "policies"
     )
+
+
+@pytest.mark.parametrize("command", ["asset list", "definitions validate"])
+def test_an_unknown_profile_ends_a_command_in_one_line(tmp_path, command):
+    done = shell(f"dagster {command}", tmp_path, TACTILE_PROFILE="lapttop")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("TACTILE_PROFILE='lapttop' is unknown: choose")
+    assert "Traceback" not in done.stdout + done.stderr
 
 
 def zipped(path, **members: str) -> None:

@@ -73,7 +73,7 @@ def test_practice_stands_before_the_unet_where_the_profile_practises():
 def test_the_unet_learns_from_the_rays_that_practice_stored(chain, tmp_path):
     shutil.copytree(chain.home / "artifacts", tmp_path / "artifacts")
     found = in_study(PRACTISE, str(tmp_path))
-    assert "practice_rays.parquet is missing: materialise the asset" in found["refused"]
+    assert "practice_rays.parquet is missing: materialise practice_rays" in found["refused"]
     assert found["same"] and found["read"]
     store = tmp_path / "artifacts"
     splits, outlines = (read_table(store / f"{n}.parquet") for n in ("rotated_splits", "outlines"))
