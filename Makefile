@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: run install test mutants ui bench lint format help
+.PHONY: run install test mutants ui bench docs lint format help
 SHELL := /bin/bash
 PYTHON ?= python3
 
@@ -37,6 +37,9 @@ ui: install ## Dagster's web interface on http://localhost:3000
 
 bench: install ## Measure the ratios that the README states into build/bench (four quiet minutes)
 	@$(ACTIVATE) && python -m benchmarks.bench
+
+docs: install ## Make the docs' site in build/site, strictly
+	@$(ACTIVATE) && NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict && echo "Open build/site/index.html"
 
 lint: install ## Check formatting, style and types
 	@$(ACTIVATE) && ruff format --check . && ruff check . && mypy

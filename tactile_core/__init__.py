@@ -6,7 +6,6 @@ reconstruction → dataset. `figures` draws what each of them made.
 """
 
 import importlib
-import sys
 from typing import Any
 
 ENV_ID = "TactileExploration-v1"
@@ -30,6 +29,6 @@ def policy(name: str, env: Any = None, **options: Any) -> Any:
     return importlib.import_module("tactile_core.exploration.acting").policy(name, env, **options)
 
 
-# Those who ask for it by `gymnasium.make` have Gymnasium; all others need not wait for it.
-if "gymnasium" in sys.modules:
-    register_environment()
+# At once, Gymnasium or not: where this package was imported first, `gymnasium.make`, which imports
+# it by its name, would find it there and do nothing.
+register_environment()

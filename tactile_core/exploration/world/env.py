@@ -9,7 +9,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from tactile_core import ENV_ID, register_environment
 from tactile_core.dataset.packed import Masks
 from tactile_core.errors import TactileError
 from tactile_core.exploration.world.episodes import Episodes, Options
@@ -164,7 +163,3 @@ def checked_mode(render_mode: str | None) -> str | None:
             "or store what render() returns"
         )
     return render_mode
-
-
-if ENV_ID not in gym.registry:  # where Gymnasium was imported after `tactile_core`
-    register_environment()
