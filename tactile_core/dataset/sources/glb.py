@@ -21,7 +21,8 @@ HIDDEN = "KHR_node_visibility"
 READ = {INSTANCES, HIDDEN, "KHR_mesh_quantization"}
 # Nothing that these say moves a vertex.
 LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_",
-         "EXT_lights_", "KHR_xmp", "KHR_animation_", "ADOBE_materials_", "AGI_")  # fmt: skip
+         "EXT_lights_", "KHR_xmp", "KHR_animation_", "ADOBE_materials_", "AGI_", "FB_ngon_encoding",
+         "EXT_mesh_features", "EXT_instance_features", "EXT_structural_metadata")  # fmt: skip
 PACKED = {
     "KHR_draco_mesh_compression": "Draco",
     "EXT_meshopt_compression": "meshopt",

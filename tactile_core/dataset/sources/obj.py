@@ -6,6 +6,7 @@ without a word, but wrongly, are right here: relative indices count from where t
 an index of 0 is an error, and so is a face that breaks off.
 """
 
+import codecs
 import re
 
 import numpy as np
@@ -18,6 +19,7 @@ from tactile_core.dataset.sources.text import (
     numbers,
     portions,
     starts,
+    whole,
 )
 from tactile_core.errors import TactileError
 
@@ -77,6 +79,7 @@ def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray
         if b"/" in lines:  # vertex/texture/normal
             lines = re.sub(rb"/\S*", b"", lines)
         counts, corners = numbers(lines, "face", np.int64)
+        corners = whole(corners)
         if (corners == 0).any():
             raise TactileError("has a face with a vertex that does not exist (OBJ counts from 1)")
         # OBJ counts from 1, or back from the last vertex read so far.
@@ -87,6 +90,8 @@ def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray
 
 def _letters(text: bytes) -> np.ndarray:
     """A portion as uint8, without comments, continuations and indents, ending a line."""
+    if codecs.BOM_UTF8 in text:  # a second one, or of files that were joined
+        text = text.replace(codecs.BOM_UTF8, b"")
     text = COMMENT.sub(b"", text)
     if b"\0" in text:
         raise TactileError("holds bytes of zero: it is damaged, or no text")

@@ -23,8 +23,8 @@ def parse_mesh(data: bytes, suffix: str) -> trimesh.Trimesh:
 
     Only vertices that belong to a face are kept, and faces that can draw no pixel are left out
     where they alone would decide size and place. Raises `TactileError` with the reason, but
-    without a name, where the mesh is unreadable, cut off or empty, has a vertex that is not
-    finite, a face without its vertex, or no extent; never another exception.
+    without a name, where the mesh is unreadable, cut off or empty, has a face with a vertex
+    that is not finite or not there, or no extent; never another exception.
     """
     suffix = suffix.lower()
     if len(data) > MAX_FILE:
@@ -74,9 +74,9 @@ def _normalised(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
         raise TactileError("has no faces")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise TactileError(f"has a face with a vertex that does not exist (of {len(vertices)})")
+    vertices, faces = _used(vertices, faces)
     if not np.isfinite(vertices).all():
         raise TactileError("has a vertex that is not a finite number")
-    vertices, faces = _used(vertices, faces)
     with np.errstate(over="ignore"):
         diagonal = np.linalg.norm(np.ptp(vertices, axis=0))
     if not 0 < diagonal < np.inf:

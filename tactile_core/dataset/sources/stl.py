@@ -13,7 +13,10 @@ UNCOUNTED = (0, 0xFFFFFFFF)  # as programs leave it that write faces as they com
 FACET = re.compile(rb"(?im)^ *facet\b")
 VERTEX = re.compile(rb"(?im)^ *vertex +([^\n]*)")
 FACET_ANYWHERE = re.compile(rb"(?i)\bfacet\s+normal\b")
-END = re.compile(rb"(?i)(?:^|[\r\n])[ \t]*end ?solid[^\r\n]*\s*$")
+# A note may follow, but no further solid.
+END = re.compile(
+    rb"(?i)(?:^|[\r\n])[ \t]*end ?solid\b(?![\s\S]*[\r\n][ \t]*(?:solid|facet|vertex)\b)"
+)
 
 
 def read_stl(data: bytes) -> tuple[np.ndarray, np.ndarray]:

@@ -66,7 +66,10 @@ def rows(text: bytes, what: str, dtype: type = np.float64) -> tuple[np.ndarray, 
 
 
 def numbers(text: bytes, what: str, dtype: type = np.float64) -> tuple[np.ndarray, np.ndarray]:
-    """As `rows`, of one portion, with a count for each line, be it empty."""
+    """As `rows`, of one portion, with a count for each line, be it empty.
+
+    The numbers are float64, whatever `dtype` is, where they are not written as it says.
+    """
     if not text.endswith(b"\n"):
         text += b"\n"
     letters = np.frombuffer(text, dtype=np.uint8)
@@ -75,7 +78,7 @@ def numbers(text: bytes, what: str, dtype: type = np.float64) -> tuple[np.ndarra
     counts = np.diff(np.searchsorted(word_ends, np.flatnonzero(letters == NEWLINE)), prepend=0)
     values = _values(text, dtype) if len(word_ends) else np.empty(0, dtype=dtype)
     if len(values) != len(word_ends):
-        values = _values(_respelt(text), dtype) if dtype is np.float64 else values
+        values = _values(_respelt(text), np.float64)  # MATLAB writes corners as 1.0 as well
     if len(values) != len(word_ends):
         raise TactileError(
             f"has a {what} with something in it that is not a number{_culprit(text, dtype)}"

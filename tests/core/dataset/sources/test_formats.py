@@ -93,6 +93,7 @@ GOOD = {
     "text stl": (text_stl(), ".stl"),
     "text stl of several solids": (text_stl(3), ".stl"),
     "text stl with CR": (text_stl().replace(b"\n", b"\r"), ".stl"),
+    "text stl with a note behind": (text_stl() + b"\n; made by hand\n", ".stl"),
     "text stl in capitals with a mark": (b"\xef\xbb\xbf" + text_stl().upper(), ".stl"),
 }
 
@@ -161,6 +162,7 @@ def test_an_off_of_other_dimensions_or_without_counts_says_so():
         (binary_stl(count=0)[:-20], "has 43 faces and a part of one"),
         (text_stl()[:-200], "faces and no end"),
         (text_stl()[: -len(b"endsolid part\n")], "has 44 faces and no end"),
+        (text_stl() + b"solid another\n", "has 44 faces and no end"),
         (text_stl(2).replace(b"facet normal", b"plane normal", 1), "132 vertices for 43 faces"),
         (binary_stl(count=40), "announces 40 faces and has room for 4 more"),
         (binary_stl() + binary_stl(), "several files in one"),

@@ -178,7 +178,13 @@ def test_packed_geometry_is_a_reason(name, said, required):
 
 
 def test_required_extensions_are_known_or_a_reason_and_looks_never_are():
-    looks = ["KHR_materials_unlit", "KHR_texture_basisu", "KHR_texture_transform"]
+    looks = [
+        "EXT_mesh_features",
+        "FB_ngon_encoding",
+        "KHR_materials_unlit",
+        "KHR_texture_basisu",
+        "KHR_texture_transform",
+    ]
     document, binary = gltf([POINTS, CORNERS], [PLAIN], extensionsRequired=looks)
     np.testing.assert_array_equal(corners(glb(document, binary)), PLAIN_CORNERS)
     document["extensionsRequired"] = [*looks, "ACME_folded_space"]

@@ -60,6 +60,10 @@ TWO = [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]]
         (SQUARE + b"f 1 2 3 4\n").replace(b" ", b"\f").replace(b"\n", b"\n\v"),
         SQUARE + b"f 1 2 3 4\n\0",
         b"vt -1.#IND00 -1.#IND00\n" + SQUARE + b"f 1 2 3 4\n",
+        SQUARE + b"f 1.0 2.0 3.0 4.0\n",  # as MATLAB does
+        codecs.BOM_UTF8 + codecs.BOM_UTF8 + SQUARE + codecs.BOM_UTF8 + b"f 1 2 3 4\n",
+        SQUARE + b"f 1//2 2//2 3//1 4//1\n",
+        SQUARE + b"f 1/ 2/ 3/ 4/\nf\n",
     ],
 )
 def test_every_way_of_writing_two_triangles_gives_the_same_two(text):
@@ -78,6 +82,11 @@ def test_an_obj_is_the_same_whatever_portions_it_is_read_in(portion, between):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("tactile_core.dataset.sources.text.PORTION", portion)
             assert corners(text.replace(b"\n", ends)) == TWO
+
+
+def test_a_vertex_that_no_face_uses_may_be_none():
+    mesh = parse_mesh(SQUARE + b"v nan 0 inf\nf 1 2 3 4\n", ".obj")
+    assert (len(mesh.vertices), len(mesh.faces)) == (4, 2)
 
 
 def test_relative_indices_count_from_where_they_stand():
@@ -126,7 +135,7 @@ def test_what_trimesh_writes_is_read_back_as_trimesh_reads_it(vertices, faces):
         (SQUARE + b"f 0 1 2\n", "a vertex that does not exist"),
         (SQUARE + b"f -5 -1 -2\n", "a vertex that does not exist"),
         (SQUARE + b"f 1 2 x\n", "a face with something in it that is not a number"),
-        (SQUARE + b"f 1 2 3.5\n", "a face with something in it that is not a number"),
+        (SQUARE + b"f 1 2 3.5\n", "a face with a corner that is not a whole number"),
         (SQUARE + b"v 1 2 z\nf 1 2 3\n", "a vertex with something in it that is not a number"),
         (SQUARE + b"v 0,5 1 2\nf 1 2 3\n", "'0,5': write its comma as a point"),
         (SQUARE + b"f 1 2 99999999999999999999\n", "a vertex that does not exist"),
