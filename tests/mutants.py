@@ -11,14 +11,15 @@ the checkout. docs/mutation.md judges the survivors.
 import argparse
 import importlib
 import os
+import re
+import resource
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from tests.shared import ELSEWHERE
 
@@ -33,14 +34,17 @@ TESTS = {
     "dataset/splits": ["dataset/test_splits.py"],
     "dataset/sources/archives": ["dataset/sources/test_archives.py"],
     "keys": ["test_keys.py"],
+    "value_versions": ["test_value_versions.py"],
 }
 PLAIN_PYTHON = {"exploration/world/rays", "exploration/world/rewards"}
-LIBRARIES = (
-    "numpy", "scipy.ndimage", "pandas", "pyarrow.parquet", "torch", "numba", "skimage.draw",
-    "hypothesis", "pytest", "trimesh", "gymnasium", "stable_baselines3", "upath", "pydantic",
-    "safetensors.torch", "ray", "requests",
-)  # fmt: skip
-LONGEST = 60  # seconds, after which a mutant counts as told: it does not end
+# Tests that take long (pytest's -k): asked only where no other tells.
+SLOW = (
+    "every_process or process_to_process or number_of_processes or takes_no_more_memory or "
+    "little_memory or drawing_rows_again or lets_through or is_let_through"
+)
+# Train nets, for other modules' sake: never asked.
+ASIDE = "what_the_code_decides"
+LONGEST = 60  # seconds of computing, after which a mutant counts as told: it does not end
 # cosmic-ray replaces each operator by every other; one of them is enough to see it tested.
 ONE_OF = {
     "Add": "Sub", "Sub": "Add", "Mul": "Div", "Div": "Mul", "FloorDiv": "Mul", "Mod": "Mul",
@@ -48,10 +52,22 @@ ONE_OF = {
     "RShift": "LShift", "Eq": "NotEq", "NotEq": "Eq", "Lt": "LtE", "LtE": "Lt", "Gt": "GtE",
     "GtE": "Gt", "Is": "IsNot", "IsNot": "Is", "In": "NotIn", "NotIn": "In",
 }  # fmt: skip
+# Two lines that become the same by these do the same; docs/mutation.md says why.
+THE_SAME = [
+    (r"(masks?|free)\.shape\[[+-]*[12]\]", "resolution"),
+    (r"reshape\(\(?-\d", "reshape(-1"),
+    (r"(strict|frozen|optimize)=(True|False)", ""),
+    (r"if (not )?TYPE_CHECKING", ""),
+]
 
 
-def mutants(source: str) -> Iterator[tuple[str, str]]:
-    """What was changed, and the whole source with that change."""
+class Mutant(NamedTuple):
+    what: str
+    changed: str  # the whole source
+    equal: bool  # of a kind that was judged to do what the original does
+
+
+def mutants(source: str) -> Iterator[Mutant]:
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator, operator_names
@@ -78,41 +94,53 @@ def mutants(source: str) -> Iterator[tuple[str, str]]:
             except AttributeError:  # cosmic-ray 8.7 cannot change `except some.Error`
                 continue
             if changed is not None and changed != source:
-                text = changed.splitlines()[line - 1].strip()
-                yield f"line {line}, {kind} {parts}: {text}", changed
+                before, after = (text.splitlines()[line - 1].strip() for text in (source, changed))
+                what = f"line {line}, {kind} {parts}: {after}"
+                yield Mutant(what, changed, kind != "RemoveDecorator" and same(before, after))
 
 
-def forked(tree: Path, tests: list[str]) -> int:
-    """Exit status of pytest in a fork of this process, in `tree`; 1 where it takes too long."""
+def same(before: str, after: str) -> bool:
+    for pattern, common in THE_SAME:
+        before, after = re.sub(pattern, common, before), re.sub(pattern, common, after)
+    return before == after
+
+
+def survives(tree: Path, tests: list[str]) -> bool:
+    """Whether the tests pass, the slow ones last."""
+    return all(
+        passes(tree, [*tests, "-k", f"not ({ASIDE}) and {which} ({SLOW})"]) for which in ("not", "")
+    )
+
+
+def passes(tree: Path, arguments: list[str]) -> bool:
+    """Whether pytest, in a fork of this process, finds nothing wrong, or nothing to do."""
     child = os.fork()
     if child == 0:
-        os.setsid()
         os.chdir(tree)
         sys.path.insert(0, str(tree))
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, 1)
         os.dup2(nothing, 2)
+        used = int(sum(os.times()[:2]))
+        resource.setrlimit(resource.RLIMIT_CPU, (used + LONGEST, used + LONGEST))
         import pytest
+        from hypothesis import Phase, settings
 
+        # Nothing is shrunk, as nobody reads it.
+        phases = (Phase.explicit, Phase.generate)
+        settings.register_profile("mutants", deadline=None, derandomize=True, phases=phases)
         options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", "-p", "no:xdist"]
-        options += ["--hypothesis-seed=0", f"--basetemp={tree.parent / 'temporary'}"]
+        options += ["--hypothesis-profile=mutants", f"--basetemp={tree.parent / 'temporary'}"]
         try:
-            os._exit(int(pytest.main([*options, *tests])))
+            os._exit(int(pytest.main([*options, *arguments])))
         except BaseException:
             os._exit(1)
-    end = time.monotonic() + LONGEST
-    while time.monotonic() < end:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(0.02)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return 1
+    return os.waitpid(child, 0)[1] in (0, 5 << 8)
 
 
-def survivors(module: str, folder: Path) -> tuple[list[str], int]:
-    """The mutants of a module that its tests do not tell, and how many there were."""
+def survivors(module: str, folder: Path) -> tuple[list[str], int, int]:
+    """The mutants of a module that its tests do not tell, how many there were, and how many more
+    were not tried as they do the same."""
     tree = folder / "tree"
     left_out = shutil.ignore_patterns(".git", ".venv", ".tactile", "build", "__pycache__", "docs")
     shutil.copytree(CHECKOUT, tree, ignore=left_out)
@@ -120,23 +148,49 @@ def survivors(module: str, folder: Path) -> tuple[list[str], int]:
     # Once as they are: they have to pass, and leave fixtures and compiled code to be used again.
     os.environ[ELSEWHERE] = str(folder / "shared")
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    subprocess.run(command, cwd=tree, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [*command, "-k", f"not {ASIDE}"], cwd=tree, check=True, stdout=subprocess.DEVNULL
+    )
     if module in PLAIN_PYTHON:
         os.environ["NUMBA_DISABLE_JIT"] = "1"
-    for name in LIBRARIES:
-        importlib.import_module(name)
     file = tree / "tactile_core" / f"{module}.py"
+    import_all_but_those_above(module, tree)
     for stale in (file.parent / "__pycache__").glob(f"{file.stem}.*"):
         stale.unlink()
     sys.dont_write_bytecode = True
-    source, alive, count = file.read_text(), [], 0
-    for what, changed in mutants(source):
+    alive, count, equal = [], 0, 0
+    for mutant in mutants(file.read_text()):
+        if mutant.equal:
+            equal += 1
+            continue
         count += 1
-        file.write_text(changed)
-        if forked(tree, tests) == 0:
-            alive.append(what)
-            print(f"  {module} {what}", flush=True)
-    return alive, count
+        file.write_text(mutant.changed)
+        if survives(tree, tests):
+            alive.append(mutant.what)
+            print(f"  {module} {mutant.what}", flush=True)
+    return alive, count, equal
+
+
+def import_all_but_those_above(module: str, tree: Path) -> None:
+    """Import the libraries and every module of `tree` that does not import `module`, so that a fork
+    has the others only to import."""
+    sys.path.insert(0, str(tree))
+    keys = importlib.import_module("tactile_core.keys")
+    files = sorted(keys.FOLDER.rglob("*.py"))
+    names = [".".join(file.relative_to(tree).with_suffix("").parts) for file in files]
+    names = [name.removesuffix(".__init__") for name in names]
+    above = {f"tactile_core.{module.replace('/', '.')}"}
+    while more := {
+        n for n in names if n not in above and not above.isdisjoint(keys.own_imports(n))
+    }:
+        above |= more
+    for name in [name for name in sys.modules if name.partition(".")[0] == "tactile_core"]:
+        del sys.modules[name]
+    libraries = {name for part in names for name in keys.imported_names(part)}
+    for name in ["pytest", "hypothesis", *sorted(set(names) - above)]:
+        importlib.import_module(name)
+    for name in sorted({n.partition(".")[0] for n in libraries} - {"tactile_core"}):
+        importlib.import_module(name)
 
 
 def main(modules: list[str]) -> None:
@@ -145,9 +199,10 @@ def main(modules: list[str]) -> None:
         child = os.fork()
         if child == 0:
             with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-                alive, count = survivors(module, Path(folder))
+                alive, count, equal = survivors(module, Path(folder))
             told = count - len(alive)
-            print(f"{module}: {told} of {count} told ({told / max(count, 1):.0%})", flush=True)
+            share = f"{told} of {count} told ({told / max(count, 1):.0%})"
+            print(f"{module}: {share}, {equal} more do the same", flush=True)
             os._exit(0)
         os.waitpid(child, 0)
 
