@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from tactile_core.addresses import holds_secret, shown
 from tactile_core.errors import TactileError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -45,8 +46,19 @@ def find_home(environ: Mapping[str, str] = os.environ) -> Path:
 
 
 def find_artifacts(environ: Mapping[str, str] = os.environ) -> str:
-    """Folder or fsspec URL that holds what the assets store: `TACTILE_STORE`, else in the home."""
-    return environ.get("TACTILE_STORE") or f"{find_home(environ)}/artifacts"
+    """Folder or fsspec URL that holds what the assets store: `TACTILE_STORE`, else in the home.
+
+    Raises `TactileError` where it holds a password, which every message about a file would show.
+    """
+    store = environ.get("TACTILE_STORE")
+    if store and holds_secret(store):
+        scheme = store.partition("://")[0].upper()
+        raise TactileError(
+            f"TACTILE_STORE={shown(store)} holds a password or signature, which would be stored "
+            "and shown with the name of every file: leave it out, and give it in the environment "
+            f"as fsspec reads it (FSSPEC_{scheme}_PASSWORD, FSSPEC_S3_SECRET, AWS_… and so on)"
+        )
+    return store or f"{find_home(environ)}/artifacts"
 
 
 def default_home() -> Path:

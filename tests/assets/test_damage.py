@@ -15,6 +15,7 @@ from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.store import StoredPolicy, save_policy
 from tactile_core.files import table_hash
 from tactile_core.settings import PolicySettings
+from tests.payloads import payload
 
 DATASET = ["shapenet_meshes", "masks", "rotated_splits"]
 
@@ -111,3 +112,14 @@ def test_what_steps_hand_each_other_is_held_to_its_checksum(tmp_path):
         file.write_text(file.read_text().replace('"seed": 1', '"seed": 3'))
         with pytest.raises(TactileError, match=r"planned.json is damaged: materialise policies"):
             manager.load_from_path(into, file)
+
+
+def test_what_lies_in_the_place_of_a_step_s_file_runs_nothing(tmp_path):
+    file = UPath(tmp_path, "planned.json")
+    file.write_bytes(payload(tmp_path / "payload-ran"))
+    with (
+        dg.build_input_context() as context,
+        pytest.raises(TactileError, match=r"planned.json is damaged: materialise policies"),
+    ):
+        Steps(base_path=UPath(tmp_path)).load_from_path(context, file)
+    assert not (tmp_path / "payload-ran").exists()

@@ -76,9 +76,15 @@ def unet(shapes, tmp_path_factory) -> TrainedUNet:
 
 
 @pytest.fixture(scope="session")
-def reconstructor(unet) -> Reconstructor:
+def reconstructor(unet, tmp_path_factory) -> Reconstructor:
     """The U-Net in float32, whose predictions do not hang on what else is in the batch."""
-    return Reconstructor(unet, precision="float32")
+
+    def make() -> Reconstructor:
+        made = Reconstructor(unet, precision="float32")
+        assert made.untouched.any() and made.single_touches is not None  # kept from now on
+        return made
+
+    return once(tmp_path_factory, "reconstructor", make)
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from tactile_core.errors import TactileError
-from tactile_core.home import check_one_home, default_home, find_home
+from tactile_core.home import check_one_home, default_home, find_artifacts, find_home
 
 
 def test_a_home_that_is_not_there_yet_is_made(tmp_path):
@@ -56,3 +56,23 @@ def test_dagster_s_records_lie_in_the_home_or_nothing_is_done(tmp_path):
     check_one_home(tmp_path, {"DAGSTER_HOME": f"{tmp_path}/dagster/"})
     with pytest.raises(TactileError, match="activate the environment again"):
         check_one_home(tmp_path, {"DAGSTER_HOME": str(tmp_path / "other" / "dagster")})
+
+
+@pytest.mark.parametrize(
+    "store",
+    [
+        "sftp://me:hushhush@host/a",
+        "s3://key:hush/hush@bucket/a",
+        "https://h/a?X-Amz-Signature=hush",
+    ],
+)
+def test_a_store_s_password_is_no_part_of_its_address(store, tmp_path):
+    """It would stand in every message about a file, and in what Dagster stores."""
+    with pytest.raises(TactileError, match="holds a password or signature") as refused:
+        find_artifacts({"TACTILE_STORE": store})
+    assert "hush" not in str(refused.value) and "\n" not in str(refused.value)
+    assert "FSSPEC_" in str(refused.value)
+    for plain in ("s3://bucket/a", "sftp://me@host/a", "/data/a?b"):
+        assert find_artifacts({"TACTILE_STORE": plain}) == plain
+    home = {"TACTILE_HOME": str(tmp_path)}
+    assert find_artifacts(home) == f"{tmp_path}/artifacts"

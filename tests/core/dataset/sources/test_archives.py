@@ -94,12 +94,24 @@ def test_meshes_that_are_too_large_are_refused(tmp_path, monkeypatch):
     members = {f"{k}/model.obj": random.Random(k).randbytes(600) for k in range(3)}
     path = make_zip(tmp_path / "a.zip", members)
     monkeypatch.setattr(archives, "MAX_TOTAL", 1700)
-    assert "'2/model.obj' makes the meshes unpack to more than" in refusal(path)
+    assert "'2/model.obj' makes the meshes unpack to more than 0.0 GB" in refusal(path)
+    monkeypatch.setattr(archives, "MAX_TOTAL", 1800)
+    monkeypatch.setattr(archives, "MAX_FILE", 600)
+    with open_archive(path) as archive:  # just within both limits
+        assert len(safe_members(archive, [".obj"])) == 3
+        assert len(read(archive, "0/model.obj")) == 600
+    monkeypatch.setattr(archives, "MAX_TOTAL", 1700)
     monkeypatch.setattr(archives, "MAX_FILE", 599)
     with open_archive(path) as archive:  # none is unpacked, so they do no harm together
         assert len(safe_members(archive, [".obj"])) == 3
         with pytest.raises(TactileError, match=r"has 0\.0 MB, more than the 0\.0 MB"):
             read(archive, "0/model.obj")
+
+
+def test_no_more_of_a_file_is_read_than_is_asked_for():
+    assert archives.read_pieces(io.BytesIO(bytes(10)), 4) == bytes(4)
+    assert archives.read_pieces(io.BytesIO(bytes(10)), 10) == bytes(10)
+    assert archives.read_pieces(io.BytesIO(bytes(10)), 99) == bytes(10)
 
 
 def test_what_is_never_unpacked_may_be_of_any_size(tmp_path):
