@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: run install test mutants ui bench docs lint format help
+.PHONY: run install test mutants chaos ui bench docs lint format help
 SHELL := /bin/bash
 PYTHON ?= python3
 
@@ -30,6 +30,9 @@ test: install ## Install what is missing and run the tests, in random order on a
 
 mutants: install ## See whether the tests tell small changes of the code (hours); docs/mutation.md
 	@$(ACTIVATE) && python -m tests.mutants
+
+chaos: install ## Kill runs at random moments and see that nothing is lost (an hour); docs/chaos.md
+	@$(ACTIVATE) && python -m tests.chaos --kills 50
 
 ui: install ## Dagster's web interface on http://localhost:3000
 	@echo "The whole graph: $(GRAPH)"

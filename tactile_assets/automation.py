@@ -4,6 +4,7 @@ The schedule and the source sensor are off until they are switched on in the UI,
 Automation. Evaluations follow new policies and a new U-Net wherever the daemon runs.
 """
 
+import json
 import os
 
 import dagster as dg
@@ -30,14 +31,8 @@ weekly = dg.ScheduleDefinition(
 )
 
 
-@dg.sensor(
-    job=whole_chain,
-    minimum_interval_seconds=TEN_MINUTES,
-    default_status=dg.DefaultSensorStatus.STOPPED,
-    description="Reruns the whole chain when the archives or folders of the meshes have changed.",
-)
-def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.SkipReason:
-    """The first look only remembers what there is. Nothing is downloaded.
+def look_for_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.SkipReason:
+    """The first look at a class only remembers what there is. Nothing is downloaded.
 
     A server that cannot be asked fails the tick, which the UI shows. A source that has gone, such
     as a disk that is not mounted, is waited for: a run could not read it. An archive whose server
@@ -45,19 +40,43 @@ def source_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.
     """
     from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
 
-    if PROFILE.meshes.location is None:
-        return dg.SkipReason("meshes are generated: TACTILE_SHAPENET names no source to watch")
     try:
-        fingerprint = source_fingerprint(PROFILE.meshes)
+        found = source_fingerprint(PROFILE.meshes)
     except MissingClassError as error:
         return dg.SkipReason(str(error))
-    for sentence in fingerprint.unwatched:
+    if not (found.versions or found.unwatched):
+        return dg.SkipReason("meshes are generated: TACTILE_SHAPENET names no source to watch")
+    for sentence in found.unwatched:
         context.log.warning(sentence)
-    if context.cursor and fingerprint.value != context.cursor:
-        return dg.SensorResult(run_requests=[dg.RunRequest()], cursor=fingerprint.value)
-    seen = "the source has not changed" if context.cursor else "the source is remembered"
-    reason = "; ".join([seen, *fingerprint.unwatched])
-    return dg.SensorResult(skip_reason=reason, cursor=fingerprint.value)
+    seen = versions_in(context.cursor)
+    changed = [
+        name for name, version in found.versions.items() if seen.get(name, version) != version
+    ]
+    # What a server told before it fell silent is remembered: a run is for what it says then.
+    cursor = json.dumps(seen | found.versions)
+    if changed:
+        request = dg.RunRequest(tags={"tactile/changed": ", ".join(changed)})
+        return dg.SensorResult(run_requests=[request], cursor=cursor)
+    said = "the source has not changed" if seen else "the source is remembered"
+    return dg.SensorResult(skip_reason="; ".join([said, *found.unwatched]), cursor=cursor)
+
+
+source_changes = dg.sensor(
+    name="source_changes",
+    job=whole_chain,
+    minimum_interval_seconds=TEN_MINUTES,
+    default_status=dg.DefaultSensorStatus.STOPPED,
+    description="Reruns the whole chain when the archives or folders of the meshes have changed.",
+)(look_for_changes)
+
+
+def versions_in(cursor: str | None) -> dict[str, str]:
+    """What `source_changes` has seen, by class; nothing where there is no cursor of its kind."""
+    try:
+        seen = json.loads(cursor or "{}")
+    except ValueError:
+        return {}
+    return seen if isinstance(seen, dict) else {}
 
 
 @dg.sensor(

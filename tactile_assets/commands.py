@@ -51,6 +51,31 @@ def weights() -> None:
     click.echo(f"Shipped from {FOLDER}")
 
 
+@click.command()
+@click.option(
+    "--days", type=click.FloatRange(0), default=30, show_default=True, help="Keep what is younger."
+)
+@click.option(
+    "--runs",
+    type=click.IntRange(0),
+    default=20,
+    show_default=True,
+    help="Keep so many of the last runs, however old.",
+)
+@click.option("--dry-run", is_flag=True, help="Only list what would go, with sizes.")
+def prune(days: float, runs: int, dry_run: bool) -> None:
+    """Remove what earlier runs left and nothing stored needs.
+
+    Records of runs, checkpoints, trials, curves for TensorBoard, policies that are not trained any
+    more, figures that no asset shows, and what steps handed each other.
+    """
+    need_dagster()
+    from tactile_assets.prune import main
+    from tactile_core.settings import PruneSettings
+
+    main(PruneSettings(days=days, runs=runs, dry_run=dry_run))
+
+
 def need_dagster() -> None:
     """Raises `TactileError` where the platform is not installed."""
     if find_spec("dagster") is None:

@@ -4,6 +4,8 @@
 """
 
 import contextlib
+from collections.abc import Iterable
+from pathlib import Path
 
 import dagster as dg
 from dagster._core.errors import DagsterExecutionInterruptedError
@@ -26,3 +28,15 @@ def interruptible() -> contextlib.AbstractContextManager[None]:
     Between the steps Dagster only notes that there was one.
     """
     return raise_interrupts_as(DagsterExecutionInterruptedError)
+
+
+def checking_runs(instance: dg.DagsterInstance, checks: Iterable[dg.AssetCheckKey]) -> set[str]:
+    """The runs that last executed each of `checks`."""
+    storage = instance.event_log_storage
+    last = storage.get_latest_asset_check_execution_by_key(list(checks))
+    return {record.run_id for record in last.values()}
+
+
+def run_files(home: Path, run_id: str) -> list[Path]:
+    """The files that SQLite, where Dagster keeps its records in it, holds of a run alone."""
+    return sorted(Path(home, "dagster", "history", "runs").glob(f"{run_id}.db*"))

@@ -25,6 +25,8 @@ from tactile_assets import (
     evaluation,
     exploration,
     io_managers,
+    notify,
+    prune,
     real,
     reconstruction,
     runs,
@@ -66,12 +68,13 @@ defs = dg.Definitions(
         *dg.load_asset_checks_from_modules([checks]),
         *(real.CHECKS if PROFILE.real else []),
     ],
-    jobs=[automation.whole_chain],
+    jobs=[automation.whole_chain, prune.prune_job],
     schedules=[automation.weekly],
     sensors=[
         automation.source_changes,
         automation.refresh_evaluations,
         automation.dead_runs,
+        notify.failed_runs,
     ],
     resources={
         "store": STORE,

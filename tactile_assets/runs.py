@@ -19,6 +19,7 @@ from tactile_core.processes import Worker
 from tactile_core.ray_folders import remove_dead_rays
 
 HOST, PID, SINCE = "tactile/host", "tactile/pid", "tactile/since"  # tags of a run
+FINISHED = [DagsterRunStatus.SUCCESS, DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
 UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
 
 

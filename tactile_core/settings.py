@@ -302,6 +302,14 @@ class PolicySettings(GainSettings):
         return self
 
 
+class PruneSettings(Settings):
+    """What of earlier runs is old enough to go."""
+
+    days: float = Field(30, ge=0, description="Keep what is younger.")
+    runs: int = Field(20, ge=0, description="Keep so many of the last runs, however old.")
+    dry_run: bool = Field(False, description="Only say what would go.")
+
+
 class RolloutSettings(Settings):
     """Rays of every policy over the test split (report, section VII)."""
 

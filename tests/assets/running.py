@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -74,6 +76,17 @@ def environment(home: Path, **variables: str) -> dict[str, str]:
         "TACTILE_PROFILE": "smoke",
         **variables,
     }
+
+
+def until(condition: Callable[[], object]) -> None:
+    """Wait for it; pytest's own timeout ends a wait in vain."""
+    while not condition():
+        time.sleep(0.1)
+
+
+@dg.job
+def nothing() -> None:
+    pass
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,27 @@ def test_the_sensor_asks_for_a_run_only_when_the_source_changes(platform, source
     assert not look(platform, changed.cursor).run_requests
 
 
+def test_a_server_that_stops_telling_versions_asks_for_no_run(platform, make_store, monkeypatch):
+    """Nor does one that tells them again, unless they are others than those it told before."""
+    store = make_store(etag='"1"')
+    meshes = automation.PROFILE.meshes.model_copy(update={"classes": {"mug": store.url}})
+    profile = automation.PROFILE.model_copy(update={"meshes": meshes})
+    monkeypatch.setattr(automation, "PROFILE", profile)
+    before = look(platform)
+    store.etag = None
+    quiet = look(platform, before.cursor)
+    assert not quiet.run_requests and "is not watched" in quiet.skip_message
+    store.etag = '"1"'
+    assert not look(platform, quiet.cursor).run_requests
+    store.etag = '"2"'
+    [request] = look(platform, quiet.cursor).run_requests
+    assert request.tags["tactile/changed"] == "mug"
+
+
+def test_a_cursor_of_another_kind_is_forgotten(platform, source):
+    assert not look(platform, "0123456789abcdef").run_requests
+
+
 def test_a_source_that_has_gone_is_waited_for(platform, source):
     before = look(platform)
     source.rename(source.with_name("elsewhere"))

@@ -3,8 +3,6 @@
 import os
 import signal
 import subprocess
-import time
-from collections.abc import Callable
 
 import dagster as dg
 import pytest
@@ -14,15 +12,9 @@ from tactile_assets.runs import HOST, PID, SINCE, clear_up, end_dead_runs, tags_
 from tactile_core.claims import claimed
 from tactile_core.files import written_whole
 from tactile_core.processes import Worker
-from tests.assets.running import Platform, begin
+from tests.assets.running import Platform, begin, nothing, until
 
 MESHES = "dagster asset materialize --select shapenet_meshes"
-
-
-def until(condition: Callable[[], object]) -> None:
-    """Wait for it; pytest's own timeout ends a wait in vain."""
-    while not condition():
-        time.sleep(0.1)
 
 
 def runs(platform: Platform) -> list[dg.DagsterRun]:
@@ -67,11 +59,6 @@ def test_an_interrupt_ends_a_run_that_waits(platform):
         run.send_signal(signal.SIGINT)
         assert run.wait() != 0
     assert runs(platform)[0].status == DagsterRunStatus.FAILURE
-
-
-@dg.job
-def nothing() -> None:
-    pass
 
 
 @pytest.fixture

@@ -145,30 +145,31 @@ def _local_archive(
 
 
 class Fingerprint(NamedTuple):
-    """What changes when the source does, and why parts of it cannot be watched."""
+    """By class what changes when its source does, and why some classes cannot be watched."""
 
-    value: str
+    versions: dict[str, str]
     unwatched: tuple[str, ...]
 
 
 def source_fingerprint(settings: MeshSettings) -> Fingerprint:
-    """Changes when what the meshes are read from changes; nothing is downloaded.
+    """The versions of what the meshes are read from; nothing is downloaded.
 
     Files count by name, length and time or ETag; http archives by the headers of a HEAD
     request. Raises `MissingClassError` where a class is found nowhere or nothing is in its place,
     and another `TactileError` where a server cannot be asked.
     """
-    versions = []
+    versions = {}
     unwatched = []
     for category, value in sorted(with_classes(settings).named_classes.items()):
         for place in find_places(settings.model_copy(update={"classes": {category: value}})):
             version = _version(place)
-            versions.append((category, version))
-            if version is None:
+            if version is not None:
+                versions[category] = content_hash(version)
+            else:
                 unwatched.append(
                     f"{place} is not watched: its server tells neither ETag nor Last-Modified"
                 )
-    return Fingerprint(content_hash(*versions), tuple(unwatched))
+    return Fingerprint(versions, tuple(unwatched))
 
 
 def _check_names(category: str, value: str) -> None:

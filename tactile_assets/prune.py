@@ -1,0 +1,174 @@
+"""What is old and not needed any more: found, listed and removed.
+
+Kept is whatever a stored asset is read from, the runs that made it or last checked it, and what
+is younger than some days. Downloads stay.
+"""
+
+import contextlib
+import json
+import re
+import time
+from collections.abc import Callable, Iterator, Set
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import dagster as dg
+from upath import UPath
+
+from tactile_assets.config import StageConfig, defaults
+from tactile_assets.dagster_internals import checking_runs, run_files
+from tactile_assets.provenance import own_instance
+from tactile_assets.resources import Store
+from tactile_assets.runs import FINISHED, is_over
+from tactile_core.claims import claimed
+from tactile_core.processes import Worker
+from tactile_core.settings import PruneSettings
+
+DAY = 24 * 3600
+DOWNLOADS = re.compile("[0-9a-f]{16}")  # folders of the cache, as `cache.cache_path` names them
+
+
+class Old(NamedTuple):
+    """Something that may go: of what kind, its name, its bytes, and what removes it."""
+
+    kind: str
+    name: str
+    size: int
+    remove: Callable[[], None]
+
+
+def find_old(instance: dg.DagsterInstance, store: Store, settings: PruneSettings) -> list[Old]:
+    """Everything that may go, by kind and name. No run may be at work in the home or the store."""
+    before = time.time() - settings.days * DAY
+    found = [
+        *old_runs(instance, store, before, settings.runs),
+        *old_figures(instance, store, before),
+        *old_policies(store, before),
+        *old_work(store, before),
+        *(
+            left("steps", store.path("steps", run))
+            for run in store.stored_steps()
+            if is_over(instance, run)
+        ),
+    ]
+    return sorted(found, key=lambda old: (old.kind, old.name))
+
+
+def old_runs(instance: dg.DagsterInstance, store: Store, before: float, keep: int) -> Iterator[Old]:
+    """Runs that ended `before`, but for the last `keep`, and for those that made or last checked
+    what is stored. Their events and logs go with them."""
+    needed = needed_runs(instance)
+    for record in instance.get_run_records(dg.RunsFilter(statuses=FINISHED))[keep:]:
+        run_id = record.dagster_run.run_id
+        if run_id not in needed and (record.end_time or 0) < before:
+            files = run_files(Path(store.home), run_id)
+
+            def remove(run_id: str = run_id, files: list[Path] = files) -> None:
+                instance.delete_run(run_id)
+                instance.compute_log_manager.delete_logs(prefix=[run_id])
+                for file in files:
+                    file.unlink(missing_ok=True)
+
+            yield Old("run", run_id, sum(file.stat().st_size for file in files), remove)
+
+
+def needed_runs(instance: dg.DagsterInstance) -> set[str]:
+    """The runs of every asset's last materialisation, and of every check's last execution."""
+    from tactile_assets.definitions import defs
+
+    checks = defs.get_repository_def().asset_graph.asset_check_keys
+    return {event.run_id for event in last_events(instance)} | checking_runs(instance, checks)
+
+
+def last_events(instance: dg.DagsterInstance) -> list[dg.EventLogEntry]:
+    found = map(instance.get_latest_materialization_event, instance.all_asset_keys())
+    return [event for event in found if event is not None]
+
+
+def old_figures(instance: dg.DagsterInstance, store: Store, before: float) -> Iterator[Old]:
+    """Figures of `before` that no asset shows."""
+    shown = " ".join(str(event.asset_materialization) for event in last_events(instance))
+    for figure in children(store.path("figures")):
+        if figure.name not in shown and newest(figure) < before:
+            yield left("figure", figure)
+
+
+def old_policies(store: Store, before: float) -> Iterator[Old]:
+    """Policies of `before` that do not belong to the asset any more."""
+    index = store.path("policies", "index.json")
+    named: Set[str] = set(json.loads(index.read_text())) if index.exists() else set()
+    for policy in children(store.path("policies")):
+        if policy.is_dir() and policy.name not in named and newest(policy) < before:
+            yield left("policy", policy)
+
+
+def old_work(store: Store, before: float) -> Iterator[Old]:
+    """Checkpoints, trials and curves for TensorBoard that nothing was added to since `before`."""
+    for work in children(UPath(store.work())):
+        if work.is_dir() and not DOWNLOADS.fullmatch(work.name):
+            places = children(work) if work.name == "policies" else [work]
+            yield from (left("work", place) for place in places if newest(place) < before)
+
+
+def left(kind: str, place: UPath) -> Old:
+    """A file or folder that may go."""
+    size = sum(file.stat().st_size for file in files_in(place))
+    return Old(kind, place.name, size, lambda: place.fs.rm(place.path, recursive=True))
+
+
+def newest(place: UPath) -> float:
+    """When the last of a folder's files was written, or a file; in Unix time."""
+    return max((file.stat().st_mtime for file in files_in(place)), default=0.0)
+
+
+def files_in(place: UPath) -> list[UPath]:
+    return [file for file in place.rglob("*") if file.is_file()] if place.is_dir() else [place]
+
+
+def children(folder: UPath) -> list[UPath]:
+    return sorted(folder.iterdir(), key=lambda path: path.name) if folder.is_dir() else []
+
+
+def report(found: list[Old], settings: PruneSettings) -> Iterator[str]:
+    """A line for each thing that may go, and one for all."""
+    for old in found:
+        yield f"{old.kind:8} {old.name:40} {old.size / 1e6:10.2f} MB"
+    done = "would be removed" if settings.dry_run else "removed"
+    yield f"{len(found)} things {done}, {sum(old.size for old in found) / 1e6:.2f} MB"
+
+
+def prune(
+    instance: dg.DagsterInstance, store: Store, settings: PruneSettings, say: Callable[[str], Any]
+) -> None:
+    """Remove what is old, or with `dry_run` only say what that would be."""
+    found = find_old(instance, store, settings)
+    if not settings.dry_run:
+        for old in found:
+            old.remove()
+    for line in report(found, settings):
+        say(line)
+
+
+def main(settings: PruneSettings) -> None:
+    """As `prune`, in the home, when no run is at work there any more."""
+    store = Store.from_environment()
+    with own_instance() as instance, contextlib.ExitStack() as claims:
+        for folder in store.local_folders():
+            claims.enter_context(claimed(folder, f"tactile prune ({Worker.here()})", print))
+        prune(instance, store, settings, print)
+
+
+@defaults(PruneSettings())
+class PruneConfig(StageConfig, PruneSettings):
+    """What is old enough to go."""
+
+
+@dg.op
+def remove_old(context: dg.OpExecutionContext, config: PruneConfig, store: Store) -> None:
+    """Remove what is old and not needed any more."""
+    prune(context.instance, store, config, context.log.info)
+
+
+@dg.job(name="prune", description="Removes what is old and that no stored asset needs.")
+def prune_job() -> None:
+    remove_old()
