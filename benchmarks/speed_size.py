@@ -2,8 +2,9 @@
 
     python -m benchmarks.speed_size --models 1000 4000 --resolution 64
 
-Bodies of revolution are generated in ShapeNet's layout and go through the assets one by one, each
-with the plain command. It goes on where it was killed. `build/size` receives
+Bodies of revolution are generated in ShapeNet's layout and go through the assets one by one, with
+their checks, each in a process of its own; and a training is opened on them, up to its first batch.
+It goes on where it was killed. `build/size` receives
 
 - size.csv: resolution, models, stage, seconds, processor seconds, peak memory of all processes
   together (MB), stored (MB); as drawn in size.png
@@ -11,27 +12,29 @@ with the plain command. It goes on where it was killed. `build/size` receives
 """
 
 import argparse
+import gc
 import json
 import os
-import subprocess
 import sys
 import time
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+os.environ["TACTILE_PROFILE"] = "smoke"  # whose sizes are replaced below; read at the first import
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.figures import size_figure
-from benchmarks.machine import REPOSITORY, describe_machine
-from tactile_core.figures.style import png
 from tactile_core.files import written_whole
 
-STAGES = ("shapenet_meshes", "masks", "rotated_splits", "outlines", "tactile_samples")
-OPENED = "opening a training"
+REPOSITORY = Path(__file__).resolve().parents[1]
 SYNSET = "03797390"
 AROUND = 16  # faces around a body of revolution
 SECONDS_BETWEEN_LOOKS = 0.5
+STAGES = ("shapenet_meshes", "masks", "rotated_splits", "outlines", "tactile_samples")
+OPENED = "opening a training"
 
 
 def main() -> None:
@@ -42,6 +45,11 @@ def main() -> None:
     options = parser.parse_args()
     folder = (options.to or REPOSITORY / "build" / "size").resolve()
     table = folder / "size.csv"
+    import tactile_core.exploration.practice.ray_touches  # noqa: F401
+    from benchmarks.figures import size_figure
+    from benchmarks.machine import describe_machine
+    from tactile_core.figures.style import png
+
     start = time.perf_counter()
     rows = pd.read_csv(table).to_dict("records") if table.exists() else []
     for models in options.models:
@@ -51,7 +59,8 @@ def main() -> None:
             size = {"resolution": options.resolution, "models": models, "stage": stage}
             if any(size.items() <= row.items() for row in rows):
                 continue
-            rows.append(size | measured(command_of(stage, options.resolution), home, source))
+            work = work_of(stage, options.resolution, home, source)
+            rows.append(size | measured(work, home))
             print(rows[-1], flush=True)
             with written_whole(table) as file:
                 file.write(pd.DataFrame(rows).to_csv(index=False).encode())
@@ -90,38 +99,77 @@ def body(rng: np.random.Generator) -> str:
     return "\n".join(lines) + "\n"
 
 
-def command_of(stage: str, resolution: int) -> list[str]:
+def work_of(stage: str, resolution: int, home: Path, source: Path) -> Callable[[], None]:
     if stage == OPENED:
-        return [sys.executable, "-m", "benchmarks.opening"]
-    classes = {"classes": {"body": SYNSET}}
-    fields = {
-        "shapenet_meshes": classes,
+        return lambda: open_training(home / "artifacts")
+    fields: dict[str, Any] = {
+        "shapenet_meshes": {"classes": {"body": SYNSET}, "location": str(source)},
         "masks": {"resolution": resolution, "renderer": "rasteriser"},
-        "rotated_splits": {"renderer": "rasteriser"},
-    }.get(stage)
-    config = json.dumps({"ops": {stage: {"config": fields}}} if fields else {})
-    return ["dagster", "asset", "materialize", "--select", stage, "--config-json", config]
-
-
-def measured(command: list[str], home: Path, source: Path) -> dict[str, float]:
-    """What a command takes: seconds, processor seconds, peak memory and what it stored in MB."""
-    environment = os.environ | {
-        "TACTILE_HOME": str(home),
-        "DAGSTER_HOME": str(home / "dagster"),
-        "TACTILE_SHAPENET": str(source),
-        "DAGSTER_DISABLE_TELEMETRY": "yes",
+        "rotated_splits": {"rotations": 5, "renderer": "rasteriser"},
+        "outlines": {},
+        "tactile_samples": {"sets_per_mask": 5},
     }
-    (home / "dagster").mkdir(parents=True, exist_ok=True)
+    return lambda: materialise(stage, fields[stage], home)
+
+
+def materialise(asset: str, fields: dict[str, Any], home: Path) -> None:
+    """One asset with its checks, as Dagster does it."""
+    import dagster as dg
+
+    from tactile_assets import definitions
+    from tactile_assets.resources import Store
+
+    defs: Any = definitions.defs
+    store = Store(home=str(home), artifacts=str(home / "artifacts"))
+    dg.materialize(
+        [*defs.assets, *defs.asset_checks],
+        selection=dg.AssetSelection.assets(asset),
+        resources={**defs.resources, "store": store},
+        run_config={"ops": {asset: {"config": fields}}} if fields else {},
+    )
+
+
+def open_training(artifacts: Path) -> None:
+    """As the asset `unet` does, with the stored touches."""
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.exploration.practice.ray_touches import touch_source
+    from tactile_core.files import read_table
+    from tactile_core.reconstruction.batches import training_batches
+
+    splits, outlines, samples = (
+        read_table(artifacts / f"{name}.parquet")
+        for name in ("rotated_splits", "outlines", "tactile_samples")
+    )
+    train, eval_shapes = (load_shapes(splits, outlines, split) for split in ("train", "eval"))
+    touches = touch_source("stored", train, samples, seed=0)
+    assert len({train.version, eval_shapes.version, touches.key}) == 3  # as the key of a training
+    next(training_batches(train, 32, np.random.default_rng(0), touches.draw))
+
+
+def measured(work: Callable[[], None], home: Path) -> dict[str, float]:
+    """What some work takes: seconds, processor seconds, peak memory and what it stored in MB."""
+    home.mkdir(parents=True, exist_ok=True)
+    gc.freeze()
     before, start, peak = stored(home), time.monotonic(), 0.0
-    with (home / "log").open("a") as log:
-        child = subprocess.Popen(
-            command, cwd=REPOSITORY, env=environment, stdout=log, stderr=log, start_new_session=True
-        )
-        while (ended := os.wait4(child.pid, os.WNOHANG))[0] == 0:
-            peak = max(peak, memory_of_session(child.pid))
-            time.sleep(SECONDS_BETWEEN_LOOKS)
+    child = os.fork()
+    if child == 0:
+        os.setsid()
+        try:
+            log = os.open(home / "log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+            os.dup2(log, 1)
+            os.dup2(log, 2)
+            work()
+        except BaseException:  # a process that was forked goes no further
+            import traceback
+
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
+    while (ended := os.wait4(child, os.WNOHANG))[0] == 0:
+        peak = max(peak, memory_of_session(child))
+        time.sleep(SECONDS_BETWEEN_LOOKS)
     if ended[1]:
-        sys.exit(f"{' '.join(command)} failed: {home / 'log'} says why")
+        sys.exit(f"it failed: {home / 'log'} says why")
     return {
         "seconds": round(time.monotonic() - start, 1),
         "processor_seconds": round(ended[2].ru_utime + ended[2].ru_stime, 1),
