@@ -179,13 +179,13 @@ def measured(work: Callable[[], None], home: Path) -> dict[str, float]:
 
 
 def memory_of_session(session: int) -> float:
-    """What the processes of a session hold together, pages that they share counted once, in MB."""
+    """What the processes of a session hold, in MB; pages that they share count for each."""
     total = 0
     for process in Path("/proc").iterdir():
         try:
             if process.name.isdigit() and os.getsid(int(process.name)) == session:
                 fields = (process / "smaps_rollup").read_text()
-                total += int(fields.partition("\nPss:")[2].split()[0])
+                total += int(fields.partition("\nRss:")[2].split()[0])
         except (OSError, IndexError):  # it has just ended
             continue
     return total / 1024

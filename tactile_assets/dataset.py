@@ -5,7 +5,7 @@ import pandas as pd
 
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.metadata import counts, markdown, set_aside, stored, wing
+from tactile_assets.metadata import counts, markdown, renewed, set_aside, stored, wing
 from tactile_assets.resources import Store
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, TouchSettings
 
@@ -84,11 +84,12 @@ def masks(
     from tactile_core.figures.sheets import mask_sheet
     from tactile_core.figures.style import png
 
+    previous = store.previous("masks")
     table = render_masks(
         shapenet_meshes,
         store.path("shapenet_meshes"),
         config,
-        previous=store.previous("masks"),
+        previous=previous,
         progress=context.log.info,
     )
     usable = table[table["status"] == "ok"]
@@ -97,6 +98,7 @@ def masks(
     return stored(
         table,
         masks=len(usable),
+        **renewed(usable, previous),
         set_aside=len(table) - len(usable),
         resolution=config.resolution,
         covered_percent=round(100 * covered / (len(usable) * config.resolution**2), 1),
@@ -127,13 +129,14 @@ def rotated_splits(
     from tactile_core.figures.style import png
 
     rendering = MaskSettings(resolution=int(masks["resolution"].iloc[0]), renderer=config.renderer)
+    previous = store.previous("rotated_splits")
     table = rotate_splits(
         masks,
         shapenet_meshes,
         store.path("shapenet_meshes"),
         rendering,
         config,
-        previous=store.previous("rotated_splits"),
+        previous=previous,
         progress=context.log.info,
     )
     train = table[table["split"] == "train"]
@@ -141,6 +144,7 @@ def rotated_splits(
     return stored(
         table,
         samples=len(table),
+        **renewed(table, previous),
         by_split=counts(table, "split", "category"),
         models=counts(table.drop_duplicates("model_id"), "split", "category"),
         copies=table["model_id"].nunique() - table["copy_of"].nunique(),
@@ -154,7 +158,7 @@ def rotated_splits(
     **wing("dataset"),
 )
 def outlines(
-    context: dg.AssetExecutionContext, rotated_splits: pd.DataFrame
+    context: dg.AssetExecutionContext, store: Store, rotated_splits: pd.DataFrame
 ) -> dg.MaterializeResult:
     """The outline of each sample: every mask pixel that a ray from outside can reach.
 
@@ -163,11 +167,13 @@ def outlines(
     """
     from tactile_core.dataset.outlines import trace_outlines
 
-    table = trace_outlines(rotated_splits, context.log.info)
+    previous = store.previous("outlines")
+    table = trace_outlines(rotated_splits, previous, context.log.info)
     lengths = table["outline"].map(len)
     return stored(
         table,
         samples=len(table),
+        **renewed(table, previous, "mask_hash"),
         shortest=int(lengths.min()),
         median=float(lengths.median()),
         longest=int(lengths.max()),

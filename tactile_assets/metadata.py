@@ -44,3 +44,14 @@ def set_aside(manifest: pd.DataFrame) -> dict[str, Any]:
     held = manifest.attrs.get("sources")
     sources = {"sources": markdown(pd.DataFrame(held))} if held else {}
     return {"set_aside": len(aside), **reasons, **sources}
+
+
+def renewed(table: pd.DataFrame, previous: pd.DataFrame | None, *same: str) -> dict[str, int]:
+    """How many rows of `table` are new, and how many are kept from the last one: those that were
+    made under the same key, from the same of what the columns `same` name."""
+    columns = ["key", *same]
+    known = set()
+    if previous is not None and {*columns} <= {*previous.columns}:
+        known = set(previous[columns].itertuples(index=False, name=None))
+    kept = sum(row in known for row in table[columns].itertuples(index=False, name=None))
+    return {"new": len(table) - kept, "kept": kept}

@@ -1,5 +1,6 @@
 """Report, section V: a U-Net that completes a shape from a few touches."""
 
+import contextlib
 from pathlib import Path
 
 import dagster as dg
@@ -11,6 +12,7 @@ from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import markdown, stored, wing
 from tactile_assets.resources import Store
+from tactile_core.errors import TactileError
 from tactile_core.files import read_table
 from tactile_core.settings import PracticeSettings, SearchSettings, UNetSettings
 
@@ -63,6 +65,7 @@ def unet_search(
         load_shapes(rotated_splits, outlines, "eval"),
         SearchSettings(**config.model_dump()),  # Ray's workers know nothing of Dagster
         touches=touch_source(config.touches, train, tactile_samples, seed=config.seed),
+        previous=store.previous("unet_search"),
         work=store.work("unet_search"),
         token=Path(store.home, "ray-token"),
         progress=context.log.info,
@@ -71,7 +74,7 @@ def unet_search(
         table,
         trials=len(table),
         best_jaccard=round(float(table["jaccard"].iloc[0]), 2),
-        best_trials=markdown(table.head(10), digits=4),
+        best_trials=markdown(table.head(10).drop(columns="key"), digits=4),
         trials_drawn=store.picture("unet_search.png", png(search_scatter(table))),
     )
 
@@ -164,7 +167,13 @@ def unet(
         seed=settings.seed, free_space=settings.free_space, practice=practice,
     )  # fmt: skip
     trained = train_unet(
-        train, eval_shapes, settings, work=work, touches=touches, progress=context.log.info
+        train,
+        eval_shapes,
+        settings,
+        work=work,
+        touches=touches,
+        previous=previous_unet(store),
+        progress=context.log.info,
     )
     return dg.MaterializeResult(
         value=trained,
@@ -221,6 +230,15 @@ def reconstruction_evaluation(
             "reconstructions.png", examples(unet, rotated_splits, outlines, tactile_samples)
         ),
     )
+
+
+def previous_unet(store: Store) -> TrainedUNet | None:
+    """The U-Net of an earlier run, if there is one and it can be read."""
+    from tactile_core.reconstruction.trained import load_unet
+
+    with contextlib.suppress(TactileError):
+        return load_unet(store.path("unet"))
+    return None
 
 
 def examples(

@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from tactile_core.dataset.rendering.pictures import decoded
 from tactile_core.files import content_hash
+from tactile_core.keys import work_key
 from tactile_core.progress import counted
 
 EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
@@ -29,14 +30,29 @@ def outline(mask: np.ndarray) -> np.ndarray:
 
 
 def trace_outlines(
-    rotated_splits: pd.DataFrame, progress: Callable[[str], None] = lambda message: None
+    rotated_splits: pd.DataFrame,
+    previous: pd.DataFrame | None = None,
+    progress: Callable[[str], None] = lambda message: None,
 ) -> pd.DataFrame:
-    """The outline of every sample: sample_id, model_id, category, split, outline, mask_hash.
+    """The outline of every sample: sample_id, model_id, category, split, outline, mask_hash, key.
+
+    previous : the outlines of an earlier run; masks that it holds are not traced again
 
     A sample keeps its id when it is rotated otherwise: the hash of its mask tells which one it was.
     """
     table = rotated_splits[["sample_id", "model_id", "category", "split"]].reset_index(drop=True)
-    masks = (mask for some in decoded(rotated_splits["mask"]) for mask in some)
-    outlines = [outline(mask) for mask in counted(masks, len(table), progress, "outlines traced")]
     hashes = rotated_splits["mask"].map(content_hash).to_numpy()
-    return table.assign(outline=pd.Series(outlines, dtype=object), mask_hash=hashes)
+    key = work_key("dataset.outlines")
+    traced: dict[str, np.ndarray] = {}
+    if previous is not None and "key" in previous:
+        same = previous[previous["key"] == key]
+        traced = dict(zip(same["mask_hash"], same["outline"], strict=True))
+    missing = np.array([mask_hash not in traced for mask_hash in hashes], bool)
+    masks = (mask for some in decoded(rotated_splits["mask"][missing]) for mask in some)
+    told = counted(masks, int(missing.sum()), progress, "outlines traced")
+    traced |= {
+        mask_hash: outline(mask) for mask_hash, mask in zip(hashes[missing], told, strict=True)
+    }
+    progress(f"{missing.sum()} outlines traced, {(~missing).sum()} unchanged")
+    outlines = pd.Series([traced[mask_hash] for mask_hash in hashes], dtype=object)
+    return table.assign(outline=outlines, mask_hash=hashes, key=key)

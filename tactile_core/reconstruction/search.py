@@ -17,6 +17,7 @@ from ray.tune.search.bohb import TuneBOHB
 from tactile_core.cluster import running_ray
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
+from tactile_core.keys import work_key
 from tactile_core.reconstruction.batches import TouchSource, outline_source
 from tactile_core.reconstruction.trial import run_trial
 from tactile_core.settings import SearchSettings
@@ -28,12 +29,14 @@ def search_unet(
     settings: SearchSettings,
     *,
     touches: TouchSource | None = None,
+    previous: pd.DataFrame | None = None,
     work: Path,
     token: Path,
     progress: Callable[[str], None] = lambda message: None,
 ) -> pd.DataFrame:
     """Run the trials and return one row each, best first: trial, learning_rate, batch_size,
-    depth, channels, epochs, loss, jaccard (0–100, both on the eval split).
+    depth, channels, epochs, loss, jaccard (0–100, both on the eval split) and the search's key.
+    `previous`, the table of an earlier search, is returned where it has the same key.
 
     `RAY_ADDRESS` names a running cluster; unset, a local Ray starts and is shut down, which asks
     for the secret in the file `token`. With `concurrent` 1 the same seed gives the same table.
@@ -45,11 +48,21 @@ def search_unet(
     they tried: a search that was killed and starts again repeats the same suggestions and
     finds their epochs done.
     """
+    touches = touches or outline_source(train)
+    key = work_key(
+        "reconstruction.search",
+        settings=settings,
+        seed=settings.seed,
+        train=train.version,
+        eval=eval_shapes.version,
+        touches=touches.key,
+    )
+    if previous is not None and "key" in previous and (previous["key"] == key).all():
+        progress("U-Net search: kept, as nothing that it depends on has changed")
+        return previous
     progress("U-Net search: Ray starts, or answers")
     with running_ray(settings.concurrent, token), seeded(settings.seed):
-        results = run_trials(
-            train, eval_shapes, settings, touches or outline_source(train), work.resolve(), progress
-        )
+        results = run_trials(train, eval_shapes, settings, touches, work.resolve(), progress)
     # A trial that failed keeps its last good report: it must not win the search by that.
     ended = [results[index] for index in range(len(results))]
     finished = [result.metrics or {} for result in ended if result.error is None]
@@ -61,7 +74,7 @@ def search_unet(
     table = pd.DataFrame(rows).sort_values(["loss", "learning_rate"], ignore_index=True)
     table.insert(0, "trial", table.index + 1)
     progress(f"U-Net search: best of {len(table)} trials has eval Jaccard {table.jaccard[0]:.1f}")
-    return table
+    return table.assign(key=key)
 
 
 @contextmanager

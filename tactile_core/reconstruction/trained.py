@@ -38,6 +38,7 @@ class TrainedUNet:
     curve : one row per epoch: epoch, train_loss, eval_loss, eval_jaccard
     trained_on : model_id, geometry and split (train or eval) of every model it has seen
     known : the shapes that the net knows, (n, R²/8) uint8 as `known_shapes.pack` packs them
+    key : that it was trained under, see `keys`
     """
 
     weights: dict[str, Tensor]
@@ -49,6 +50,7 @@ class TrainedUNet:
     curve: pd.DataFrame = field(repr=False)
     trained_on: pd.DataFrame = field(repr=False)
     known: np.ndarray | None = field(default=None, repr=False)
+    key: str = ""
 
     @property
     def free_space(self) -> bool:
@@ -98,6 +100,7 @@ class StoredUNet(Settings):
     scores: dict[str, float]
     version: str
     trained_on: str
+    key: str = ""
 
 
 def save_unet(unet: TrainedUNet, directory: UPath) -> None:
@@ -110,6 +113,7 @@ def save_unet(unet: TrainedUNet, directory: UPath) -> None:
         scores=unet.scores,
         version=unet.version(),
         trained_on=table_hash(unet.trained_on),
+        key=unet.key,
     )
     with written_whole(directory / "model.safetensors") as file:
         file.write(safetensors.torch.save(unet.tensors()))
@@ -146,6 +150,7 @@ def load_unet(directory: UPath) -> TrainedUNet:
         curve=read_table(directory / "curve.parquet", "unet"),
         trained_on=read_table(directory / "trained_on.parquet", "unet"),
         known=None if known is None else known.numpy(),
+        key=description.key,
     )
     if table_hash(unet.trained_on) != description.trained_on:
         raise TactileError(f"{directory}: its files are of two trainings: materialise unet again")

@@ -171,9 +171,11 @@ def train_unet(
     *,
     work: Path,
     touches: TouchSource | None = None,
+    previous: TrainedUNet | None = None,
     progress: Callable[[str], None] = lambda message: None,
 ) -> TrainedUNet:
-    """Train to the end and return the weights of the epoch with the lowest eval loss.
+    """Train to the end and return the weights of the epoch with the lowest eval loss, or return
+    `previous` where it was trained with the same code, settings, seed and inputs.
 
     `settings` must name learning rate, batch size, depth and channels (see
     `hyperparameters.with_best_trial`). The rate warms up over the first epoch and then falls along
@@ -183,13 +185,6 @@ def train_unet(
     space too where `settings.free_space` is set.
     """
     rate, batch_size, depth, channels = required(settings)
-    packed = pack(train.packed) if settings.known_shapes else None
-    known = None
-    if packed is not None:
-        models = train.model_ids[picked(len(train))]
-        known = KnownShapes(unpack(packed, train.resolution), models)
-    training = begin_training(depth, channels, rate, settings.seed, known)
-    touch_sets = draw_touch_sets(eval_shapes, np.random.default_rng(settings.seed))
     touches = touches or outline_source(train)
     key = work_key(
         "reconstruction.training",
@@ -199,6 +194,16 @@ def train_unet(
         eval=eval_shapes.version,
         touches=touches.key,
     )
+    if previous is not None and previous.key == key:
+        progress("U-Net: kept, as nothing that it depends on has changed")
+        return previous
+    packed = pack(train.packed) if settings.known_shapes else None
+    known = None
+    if packed is not None:
+        models = train.model_ids[picked(len(train))]
+        known = KnownShapes(unpack(packed, train.resolution), models)
+    training = begin_training(depth, channels, rate, settings.seed, known)
+    touch_sets = draw_touch_sets(eval_shapes, np.random.default_rng(settings.seed))
     checkpoint = work / "checkpoint.pt"
     curve: list[dict[str, float]] = []
     best: dict[str, Any] = {}
@@ -249,6 +254,7 @@ def train_unet(
             [train.models().assign(split="train"), eval_shapes.models().assign(split="eval")],
             ignore_index=True,
         ),
+        key=key,
     )
 
 
