@@ -112,7 +112,7 @@ def test_outlines_of_a_table_survive_storage(tmp_path):
     )
     outlines = trace_outlines(samples)
     assert list(outlines) == [
-        "sample_id", "model_id", "category", "split", "outline", "mask_hash",
+        "sample_id", "model_id", "category", "split", "outline", "mask_hash", "key",
     ]  # fmt: skip
     write_table(outlines, tmp_path / "outlines.parquet")
     stored = read_table(tmp_path / "outlines.parquet")
@@ -122,3 +122,27 @@ def test_outlines_of_a_table_survive_storage(tmp_path):
     assert table_hash(stored) == table_hash(outlines)
     by_pandas = pd.read_parquet(tmp_path / "outlines.parquet")["outline"]
     assert (as_points(by_pandas[2]) == outline(shapes[2])).all()
+
+
+def test_only_masks_that_are_new_are_traced():
+    masks = [np.pad(np.ones((size, size), bool), (4, 12 - size)) for size in (2, 3, 4, 5)]
+    samples = pd.DataFrame(
+        {
+            "sample_id": ["a", "b", "c", "d"],
+            "model_id": ["a", "b", "c", "d"],
+            "category": "mug",
+            "split": "train",
+            "mask": list(map(encode_mask, masks)),
+        }
+    )
+    whole = trace_outlines(samples)
+    before = trace_outlines(samples.iloc[[2, 0]])
+    before.at[1, "outline"] = np.zeros((1, 2), np.int16)  # as nobody would trace it again
+    said: list[str] = []
+    after = trace_outlines(samples, before, said.append)
+    assert said[-1] == "2 outlines traced, 2 unchanged"
+    assert len(after["outline"][0]) == 1
+    assert table_hash(after.iloc[1:]) == table_hash(whole.iloc[1:])
+    anew = trace_outlines(samples, before.assign(key="of other code"), said.append)
+    assert said[-1] == "4 outlines traced, 0 unchanged"
+    assert table_hash(anew) == table_hash(whole)

@@ -62,9 +62,11 @@ def cluster(ray_token):
 def search(cluster, small_shapes):
     """Searches on the small shapes."""
 
-    def run(work, settings=SETTINGS, progress=lambda message: None) -> pd.DataFrame:
-        train, evaluation = small_shapes["train"], small_shapes["eval"]
-        return search_unet(train, evaluation, settings, work=work, token=cluster, progress=progress)
+    def run(work, settings=SETTINGS, progress=lambda message: None, previous=None) -> pd.DataFrame:
+        return search_unet(
+            small_shapes["train"], small_shapes["eval"], settings,
+            previous=previous, work=work, token=cluster, progress=progress,
+        )  # fmt: skip
 
     return run
 
@@ -77,6 +79,7 @@ def table(search, tmp_path_factory) -> pd.DataFrame:
 def test_every_trial_is_a_row_and_the_best_comes_first(table):
     assert list(table.columns) == [
         "trial", "learning_rate", "batch_size", "depth", "channels", "epochs", "loss", "jaccard",
+        "key",
     ]  # fmt: skip
     assert table["trial"].tolist() == [1, 2, 3, 4]
     assert table["loss"].is_monotonic_increasing
@@ -85,6 +88,13 @@ def test_every_trial_is_a_row_and_the_best_comes_first(table):
     assert table["depth"].isin([1, 2]).all()
     assert table["channels"].isin([2, 4]).all()
     assert table["jaccard"].between(0, 100).all()
+
+
+def test_a_finished_search_is_kept_as_long_as_its_settings_are(table, search, tmp_path):
+    assert search(tmp_path, previous=table) is table
+    other = SETTINGS.model_copy(update={"seed": 1, "trials": 1, "epochs": 1})
+    again = search(tmp_path, other, previous=table)
+    assert set(again["key"]).isdisjoint(table["key"]) and len(again) == 1
 
 
 def test_hyperband_gives_its_epochs_to_the_promising_trials(table):

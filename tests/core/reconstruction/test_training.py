@@ -6,10 +6,17 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.reconstruction.batches import ORIENTATIONS, TouchSource, draw_touch_sets
+from tactile_core.reconstruction.batches import (
+    ORIENTATIONS,
+    TouchSource,
+    draw_touch_sets,
+    outline_source,
+)
 from tactile_core.reconstruction.known_shapes import KnownShapes, unpack
+from tactile_core.reconstruction.trained import load_unet, save_unet
 from tactile_core.reconstruction.training import (
     begin_training,
     evaluate,
@@ -207,3 +214,20 @@ def test_an_epoch_tells_what_share_of_it_is_done(small_shapes):
     train_epoch(training, small_shapes["train"], 6, before_batch=shares.append)
     train_epoch(training, small_shapes["train"], 6, samples=12, before_batch=shares.append)
     assert shares == [0, 0.25, 0.5, 0.75, 0, 0.5]
+
+
+def test_a_finished_training_is_kept_until_something_that_it_depends_on_changes(
+    train, small_shapes, tmp_path
+):
+    one = UNetSettings(**{**QUICK.model_dump(), "epochs": 1})
+    trained = train(one)
+    assert train(one, previous=trained) is trained
+    save_unet(trained, UPath(tmp_path / "unet"))
+    stored = load_unet(UPath(tmp_path / "unet"))
+    assert train(one, previous=stored) is stored
+    seed = one.model_copy(update={"seed": 1})
+    fewer = {**small_shapes, "train": small_shapes["train"].select(np.arange(12))}
+    touches = outline_source(small_shapes["train"])._replace(key="others")
+    for changed in ({"settings": seed}, {"shapes": fewer}, {"touches": touches}):
+        again = train(**{"settings": one, **changed}, previous=stored)
+        assert again is not stored and again.key != stored.key
