@@ -11,7 +11,7 @@ GROUP := global@global
 GRAPH := http://localhost:3000/asset-groups?expanded=$(GROUP):dataset,$(GROUP):reconstruction,$(GROUP):exploration,$(GROUP):evaluation
 
 run: install ## Materialise every asset into .tactile/, then print the tables
-	@$(ACTIVATE) && dagster asset materialize --select '*' && tactile results
+	@$(ACTIVATE) && { python -m tactile_assets.fresh || dagster asset materialize --select '*'; } && tactile results
 
 install: $(STAMP) ## Make the virtual environment .venv with everything pinned (does nothing if it is there)
 

@@ -8,8 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import dagster as dg
+from dagster._core.definitions.data_version import CachingStaleStatusResolver, StaleStatus
 from dagster._core.errors import DagsterExecutionInterruptedError
 from dagster._core.execution import context_creation_job
+from dagster._core.loader import LoadingContextForTest
 from dagster._utils.interrupts import raise_interrupts_as
 
 
@@ -40,3 +42,15 @@ def checking_runs(instance: dg.DagsterInstance, checks: Iterable[dg.AssetCheckKe
 def run_files(home: Path, run_id: str) -> list[Path]:
     """The files that SQLite, where Dagster keeps its records in it, holds of a run alone."""
     return sorted(Path(home, "dagster", "history", "runs").glob(f"{run_id}.db*"))
+
+
+def stale_assets(
+    instance: dg.DagsterInstance, definitions: dg.Definitions, assets: list[str]
+) -> set[str]:
+    """Those of `assets` that the UI shows as stale or missing."""
+    graph = definitions.get_repository_def().asset_graph
+    resolver = CachingStaleStatusResolver(instance, graph, LoadingContextForTest(instance))
+    return {
+        asset for asset in assets
+        if resolver.get_status(dg.AssetKey(asset)) != StaleStatus.FRESH
+    }  # fmt: skip

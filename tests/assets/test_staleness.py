@@ -6,8 +6,8 @@ import dagster as dg
 
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE
+from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
-from tests.assets.dagster_internals import stale_assets
 from tests.assets.running import ALL, Platform, run_for
 
 
