@@ -221,7 +221,7 @@ def train_unet(
 
         def before_batch(share: float, done: int = epoch - 1) -> None:
             set_rate(training, rate, done + share, settings.epochs)
-            tell(done + share, f"U-Net: {share:.0%} of epoch {done + 1}/{settings.epochs}")
+            tell(done + share, f"U-Net: {share:.0%} through epoch {done + 1} of {settings.epochs}")
 
         loss = train_epoch(training, train, batch_size, touches.draw, before_batch=before_batch)
         eval_loss, scores = evaluate(training.net, touch_sets, eval_shapes.packed, training.device)

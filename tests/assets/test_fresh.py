@@ -7,7 +7,7 @@ from tests.assets.running import ALL, shell
 def test_after_a_run_all_is_there_and_nothing_is_stale(chain):
     assert all(whole(chain.store, asset) for asset in ALL)
     # Only that the tests' run had a configuration of its own keeps it from being the profile's.
-    assert all(configured(chain.instance, asset) for asset in ALL if asset != "outlines")
+    assert all(configured(chain.instance, asset) for asset in ALL)
     assert reason_to_run(chain.instance, chain.store).startswith("Made with another configuration")
 
 

@@ -82,7 +82,7 @@ def test_a_training_killed_after_an_epoch_and_started_again_ends_the_same(
     said = []
     resumed = train(settings, work=tmp_path / "cut", progress=said.append)
     assert said[0] == f"U-Net: resuming after epoch {epoch}"
-    assert sum("epoch" in message for message in said[1:]) == 4 - epoch
+    assert sum("eval loss" in message for message in said[1:]) == 4 - epoch
     assert resumed.version() == whole.version()
     assert resumed.curve.equals(whole.curve)
 

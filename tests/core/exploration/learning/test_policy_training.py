@@ -12,6 +12,7 @@ from stable_baselines3.common.policies import ActorCriticCnnPolicy
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from upath import UPath
 
+from tactile_core import progress
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import gain_learner, ppo
 from tactile_core.exploration.learning.approach import Approach
@@ -43,6 +44,12 @@ QUICK = PolicySettings(
 )
 OF_BOTH = {"policy.safetensors", "curve.parquet", "trained_on.parquet", "settings.json"}
 FILES = {"ppo": OF_BOTH | {"policy.zip"}, "gains": OF_BOTH}
+
+
+@pytest.fixture(autouse=True)
+def talkative(monkeypatch):
+    """Trainings say how far they are at every turn: here they are broken off by what they say."""
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_WORDS", 0)
 
 
 class PowerCutError(Exception):
