@@ -8,13 +8,13 @@ import dagster as dg
 import pytest
 from dagster import DagsterRunStatus
 
+from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
 from tactile_assets.io_managers import PolicyIndex
 from tactile_assets.prune import find_old, prune
 from tactile_core.files import read_table
 from tactile_core.reconstruction.trained import load_unet
 from tactile_core.settings import PruneSettings
-from tests.assets.dagster_internals import stale_assets
 from tests.assets.running import ALL, Platform, nothing
 
 EVERYTHING = PruneSettings(days=0, runs=0)
