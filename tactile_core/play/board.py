@@ -32,7 +32,7 @@ LEFT = "○"
 
 
 class Board:
-    """A picture with a title, a score, and a row of ten rays below."""
+    """A picture with a title and a score above, a row of ten rays and who casts them below."""
 
     def __init__(self, title: str, name: str) -> None:
         self.section = ui.element("section").classes(f"board {name}")
@@ -45,6 +45,7 @@ class Board:
                 self.scene = ui.html(sanitize=False).classes("layer")
                 self.overlay = ui.html(sanitize=False).classes("layer")
             self.rays = ui.label().classes("rays").props("aria-hidden=true")
+            self.about = ui.label().classes("about")
 
     def show(self, hand: Hand, rays: int, truth: np.ndarray | None) -> None:
         """A hand after so many rays; `truth` (R, R) bool is the shape, once it is shown."""
@@ -59,9 +60,9 @@ class Board:
         self.rays.text = "".join(marks) + LEFT * (RAYS - rays)
 
     def clear(self) -> None:
-        """Nobody plays here."""
+        """Nothing was felt yet, or nobody plays here."""
         self.scene.content = ""
-        self.score.text = self.rays.text = ""
+        self.score.text = self.rays.text = self.about.text = ""
 
     def focus(self) -> None:
         """Let keys go here."""

@@ -10,6 +10,7 @@ from tactile_core.figures.style import FAINT, INK, MUTED
 # Okabe and Ito's blue and vermilion; shape and dashes tell them apart as well.
 YOU = {"colour": "#0072b2", "symbol": "circle", "dashes": "solid"}
 OPPONENT = {"colour": "#d55e00", "symbol": "triangle", "dashes": "dashed"}
+CLOSE = 8  # in Jaccard indices: numbers at the ends of curves would overlap
 
 
 def empty_chart() -> ui.echart:
@@ -41,9 +42,19 @@ def draw_curves(chart: ui.echart, curves: Mapping[str, Sequence[float]]) -> None
             "data": [[ray, round(index, 1)] for ray, index in enumerate(curve)],
             "symbol": look["symbol"], "symbolSize": 8, "color": look["colour"],
             "lineStyle": {"type": look["dashes"], "width": 2.5},
-            "labelLayout": {"moveOverlap": "shiftY"},
-            "endLabel": {"show": True, "formatter": "{@[1]}", "color": look["colour"]},
+            "endLabel": {
+                "show": True, "formatter": "{@[1]}", "color": look["colour"], "offset": [0, aside],
+            },
         }
-        for (name, curve), look in zip(curves.items(), (YOU, OPPONENT), strict=False)
+        for (name, curve), look, aside in zip(
+            curves.items(), (YOU, OPPONENT), apart([*curves.values()]), strict=False
+        )
     ]  # fmt: skip
     chart.update()
+
+
+def apart(curves: Sequence[Sequence[float]]) -> tuple[int, int]:
+    """By how many pixels the numbers at the ends of two curves move down, lest they overlap."""
+    if len(curves) < 2 or abs(curves[0][-1] - curves[1][-1]) > CLOSE:
+        return 0, 0
+    return (7, -7) if curves[0][-1] < curves[1][-1] else (-7, 7)

@@ -15,7 +15,12 @@ from tactile_core.files import read_table
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import load_unet
 
-OPPONENTS = ("recall", "even", "oracle")
+# Who they are, in words for somebody who has not read of them.
+OPPONENTS = {
+    "recall": "tries promising rays on shapes it knows that agree with what it felt",
+    "even": "sweeps around the middle, whatever it feels",
+    "oracle": "knows the shape, and casts the ray that helps most at once",
+}
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from tactile_core.play.drawing import Drawing
 from tactile_core.play.game import Game, Hand, Opponent, outcome, told
 from tactile_core.play.hidden import Maker, brought, drawn
 from tactile_core.play.legend import legend
-from tactile_core.play.materials import Materials
+from tactile_core.play.materials import OPPONENTS, Materials
 from tactile_core.play.scene import aim_svg, drawing_svg, place_at
 from tactile_core.play.workers import Workers, on
 
@@ -211,9 +211,11 @@ class Table:
         if game.opponent:
             rays = min(len(game.opponent.steps), len(game.you.steps))
             self.theirs.title.text = game.opponent.policy.name
+            self.theirs.about.text = OPPONENTS[game.opponent.policy.name]
             self.theirs.show(game.opponent, rays, game.mask if game.over else None)
             curves[game.opponent.policy.name] = game.opponent.curve(rays)
         else:
+            self.theirs.title.text = NOBODY
             self.theirs.clear()
         draw_curves(self.chart, curves)
         if game.over:
