@@ -21,6 +21,7 @@ from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.world.env import TactileEnv
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.rewards import Stage
+from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 from tactile_core.exploration.world.vector_env import TactileVectorEnv
 from tactile_core.files import read_table
 from tactile_core.reconstruction.inference import Reconstructor
@@ -37,6 +38,11 @@ def make_env(**arguments: Any) -> TactileEnv:
 def make_vector_env(num_envs: int = 1, **arguments: Any) -> TactileVectorEnv:
     """Many at once: `environment_parts` and the arguments of `TactileVectorEnv`."""
     return TactileVectorEnv(num_envs, **environment_parts(**arguments))
+
+
+def make_sb3_env(environments: int = 32, **arguments: Any) -> BatchedTactileEnv:
+    """Many at once for Stable-Baselines3: `environment_parts` and those of `BatchedTactileEnv`."""
+    return BatchedTactileEnv(environments, **environment_parts(**arguments))
 
 
 def environment_parts(

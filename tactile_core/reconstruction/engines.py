@@ -22,10 +22,15 @@ PRECISIONS = {torch.bfloat16: "bf16", torch.float32: "f32"}
 
 
 def openvino_pays(net: UNet, device: torch.device) -> bool:
-    """Whether a folded net is quicker through OpenVINO: large ones on a processor, where it is."""
+    """Whether a folded net is quicker through OpenVINO: large ones on a processor, where it is.
+
+    Not one whose blocks have other layers, which `graph` would not know.
+    """
     weights = sum(weight.numel() for weight in net.parameters())
     installed = importlib.util.find_spec("openvino") is not None
-    return device.type == "cpu" and installed and weights >= FEWEST_WEIGHTS
+    blocks = (list(map(type, block.children())) for block in (*net.contract, *net.expand))
+    known = all(block == 2 * [nn.Conv2d, nn.Identity, nn.ReLU] for block in blocks)
+    return device.type == "cpu" and installed and known and weights >= FEWEST_WEIGHTS
 
 
 class CompiledUNet:

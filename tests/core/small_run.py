@@ -15,7 +15,7 @@ from tactile_core.exploration.policies.index import write_index
 from tactile_core.exploration.policies.store import load_policies
 from tactile_core.files import write_table
 from tactile_core.reconstruction.trained import TrainedUNet, save_unet
-from tactile_core.settings import PROFILES, PolicySettings
+from tactile_core.settings import PROFILES, PolicySettings, RolloutSettings
 
 QUICK = PolicySettings(
     steps_per_stage=64, environments=4, rays_per_rollout=16, batch_size=64, epochs=1,
@@ -40,12 +40,16 @@ def small_run(home: Path, shapes: dict[str, Shapes], unet: TrainedUNet) -> None:
         for approach, place in places.items()
     }  # fmt: skip
     write_index(artifacts / "policies", versions)
-    settings = PROFILES["smoke"].rollouts.model_copy(
+    policies = load_policies(places.values(), unet.version(), unet.resolution)
+    rollouts = cast_rollouts(policies, shapes["test"], unet, rollout_settings(), workers=1)
+    write_table(rollouts, artifacts / "rollouts.parquet")
+
+
+def rollout_settings() -> RolloutSettings:
+    """The profile's, with three of the rules."""
+    return PROFILES["smoke"].rollouts.model_copy(
         update={"references": ["random", "even", "oracle"]}
     )
-    policies = load_policies(places.values(), unet.version(), unet.resolution)
-    rollouts = cast_rollouts(policies, shapes["test"], unet, settings, workers=1)
-    write_table(rollouts, artifacts / "rollouts.parquet")
 
 
 def rows_of(split: str, shapes: Shapes) -> pd.DataFrame:
