@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 import warnings
-from importlib.util import find_spec
 from pathlib import Path
 
 import gymnasium as gym
@@ -258,16 +257,17 @@ def test_wrappers_of_gymnasium_and_stable_baselines_hold(parts, tmp_path):
     assert info["episode"]["l"] == 10
 
 
-@pytest.mark.skipif(find_spec("moviepy") is None, reason="RecordVideo needs moviepy")
 def test_videos_are_recorded(parts, tmp_path):
     env = gym.wrappers.RecordVideo(
-        gym.make(NAME, **parts, render_mode="rgb_array"), str(tmp_path), disable_logger=True
+        gym.make(NAME, **parts, render_mode="rgb_array"),
+        str(tmp_path / "videos"),
+        disable_logger=True,
     )
     env.reset(seed=0)
     for _ in range(10):
         env.step(env.action_space.sample())
     env.close()
-    assert [file.suffix for file in tmp_path.iterdir()] == [".mp4"]
+    assert [file.suffix for file in (tmp_path / "videos").iterdir()] == [".mp4"]
 
 
 def test_environments_in_processes_of_their_own_do_the_same(parts):
