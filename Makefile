@@ -7,11 +7,9 @@ PYTHON ?= python3
 STAMP := .venv/installed-$(shell (echo "$(CURDIR)"; cat pyproject.toml constraints.txt) | cksum | cut -d' ' -f1)
 ACTIVATE := . .venv/bin/activate
 PIP := .venv/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
-GROUP := global@global
-GRAPH := http://localhost:3000/asset-groups?expanded=$(GROUP):dataset,$(GROUP):reconstruction,$(GROUP):exploration,$(GROUP):evaluation
 
 run: install ## Materialise every asset into .tactile/, then print the tables
-	@$(ACTIVATE) && { python -m tactile_assets.fresh || dagster asset materialize --select '*'; } && tactile results
+	@$(ACTIVATE) && { python -m tactile_assets.fresh || dagster job execute --job whole_chain; } && tactile results
 
 install: $(STAMP) ## Make the virtual environment .venv with everything pinned (does nothing if it is there)
 
@@ -34,9 +32,8 @@ mutants: install ## See whether the tests tell small changes of the code (hours)
 chaos: install ## Kill runs at random moments and see that nothing is lost (an hour); docs/chaos.md
 	@$(ACTIVATE) && python -m tests.chaos --kills 50
 
-ui: install ## Dagster's web interface on http://localhost:3000
-	@echo "The whole graph: $(GRAPH)"
-	@$(ACTIVATE) && dagster dev -w workspace.yaml
+ui: install ## Dagster's web interface in a browser, with the pictures of the last run
+	@$(ACTIVATE) && python -m tactile_assets.ui
 
 bench: install ## Measure the ratios that the README states into build/bench (four quiet minutes)
 	@$(ACTIVATE) && python -m benchmarks.bench

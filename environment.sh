@@ -2,12 +2,14 @@
 # TACTILE_HOME, TACTILE_PROFILE, TACTILE_STORE, TACTILE_SHAPENET and TACTILE_REAL are read where they
 # are set and left unset otherwise. DAGSTER_HOME follows TACTILE_HOME.
 
-# `dagster asset …` reads neither pyproject.toml nor workspace.yaml: click takes `-m` from here.
+# `dagster asset …` and `dagster job …` read neither pyproject.toml nor workspace.yaml: click takes `-m`
+# from here.
 # (DAGSTER_MODULE_NAME would do the same and make `dagster dev` hang.)
 export DAGSTER_CLI_ASSET_MATERIALIZE_MODULE_NAME=tactile_assets.definitions
 export DAGSTER_CLI_ASSET_LIST_MODULE_NAME=tactile_assets.definitions
+export DAGSTER_CLI_JOB_EXECUTE_MODULE_NAME=tactile_assets.definitions
 # The newer form, `dg launch --assets …`, serves as well; no need to hear of it each time.
-export PYTHONWARNINGS="${PYTHONWARNINGS:+$PYTHONWARNINGS,}ignore:Function \`asset_materialize_command"
+export PYTHONWARNINGS="${PYTHONWARNINGS:+$PYTHONWARNINGS,}ignore:Function \`asset_materialize_command,ignore:Function \`job_execute_command"
 
 _tactile_root="$(cd "$VIRTUAL_ENV/.." && pwd)"
 if ! _tactile_home="$(PYTHONPATH="$_tactile_root" python -P -m tactile_core.home)"; then

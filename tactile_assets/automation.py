@@ -6,20 +6,24 @@ Automation. Evaluations follow new policies and a new U-Net wherever the daemon 
 
 import json
 import os
+from datetime import timedelta
 
 import dagster as dg
 
 from tactile_assets.config import PROFILE
+from tactile_assets.dagster_internals import longest_wait
+from tactile_assets.jobs import EVALUATIONS, whole_chain
 from tactile_assets.runs import end_dead_runs
 
 EVERY_MONDAY_AT_THREE = "0 3 * * 1"
 TEN_MINUTES = 600
 HALF_A_MINUTE = 30
 
-whole_chain = dg.define_asset_job(
-    "whole_chain",
-    selection=dg.AssetSelection.all(),
-    description="Every asset, from the meshes to the evaluations, with all checks.",
+# Promised only where somebody asked for a schedule: one run of the chain may take a day.
+FRESHNESS = (
+    dg.FreshnessPolicy.time_window(longest_wait(os.environ["TACTILE_CRON"]) + timedelta(days=1))
+    if os.environ.get("TACTILE_CRON")
+    else None
 )
 
 weekly = dg.ScheduleDefinition(
@@ -91,8 +95,7 @@ def dead_runs(context: dg.SensorEvaluationContext) -> dg.SkipReason:
 
 refresh_evaluations = dg.AutomationConditionSensorDefinition(
     "refresh_evaluations",
-    target=dg.AssetSelection.groups("evaluation")
-    | dg.AssetSelection.assets("reconstruction_evaluation"),
+    target=EVALUATIONS,
     default_status=dg.DefaultSensorStatus.RUNNING,
     description="Evaluates anew when the policies or the U-Net have changed.",
 )

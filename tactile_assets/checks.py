@@ -1,11 +1,15 @@
 """Checks where a wrong result would otherwise look fine. Each reads what the assets stored."""
 
+from collections.abc import Iterable
+
 import dagster as dg
 import numpy as np
 import pandas as pd
+from upath import UPath
 
 from tactile_assets.config import PROFILE
-from tactile_assets.metadata import counts, markdown
+from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.metadata import counts, number, numbers, shown
 
 # Trained for a few seconds, nothing has to be good yet.
 UNLESS_SMOKE = (
@@ -25,7 +29,7 @@ def meshes_are_usable(shapenet_meshes: pd.DataFrame) -> dg.AssetCheckResult:
         passed=aside.empty,
         severity=dg.AssetCheckSeverity.WARN,
         description=f"{len(aside)} of {len(shapenet_meshes)} meshes set aside",
-        metadata={"set_aside": len(aside), "reasons": markdown(aside.head(20))},
+        metadata={"set_aside": len(aside), "meshes_set_aside": shown(aside.head(20))},
     )
 
 
@@ -56,7 +60,11 @@ def inside_the_circle(table: pd.DataFrame) -> dg.AssetCheckResult:
     return dg.AssetCheckResult(
         passed=not (empty.any() or beyond.any()),
         description=f"{empty.sum()} of {len(table)} are empty, {beyond.sum()} reach the circle",
-        metadata={"first": ", ".join(table["name"][empty | beyond].head(5)) or "none"},
+        metadata={
+            "empty": int(empty.sum()),
+            "beyond_the_circle": int(beyond.sum()),
+            "first": first(table["name"][empty | beyond]),
+        },
     )
 
 
@@ -78,7 +86,7 @@ def no_model_in_two_splits(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
     return dg.AssetCheckResult(
         passed=len(models) == 0,
         description=f"{len(models)} models stand in two splits or more",
-        metadata={"first": ", ".join(models[:5]) or "none"},
+        metadata={"models_in_two_splits": len(models), "first": first(models)},
     )
 
 
@@ -96,7 +104,36 @@ def classes_are_balanced(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
         and bool((by_split > 0).all(axis=None))
         and not off.gt(allowed, axis=0).any(axis=None),
         description=f"splits are {off.max(axis=None):.1f} models off equal shares at most",
-        metadata={"models": counts(models, "split", "category")},
+        metadata={
+            "models_by_split": counts(models, "split", "category"),
+            "models_off_equal_shares": number(off.max(axis=None)),
+        },
+    )
+
+
+@dg.asset_check(asset="outlines", additional_ins={"rotated_splits": dg.AssetIn("rotated_splits")})
+def outlines_lie_on_their_masks(
+    outlines: pd.DataFrame, rotated_splits: pd.DataFrame
+) -> dg.AssetCheckResult:
+    """Every sample has an outline, and every pixel of it belongs to the sample's mask."""
+    from tactile_core.dataset.rendering.pictures import decode_masks
+
+    mask_of = dict(zip(rotated_splits["sample_id"], rotated_splits["mask"], strict=True))
+    wrong = []
+    for sample, outline in zip(outlines["sample_id"], outlines["outline"], strict=True):
+        mask = decode_masks([mask_of[sample]])[0] if sample in mask_of else None
+        if mask is None or not len(outline) or not mask[tuple(outline.T)].all():
+            wrong.append(sample)
+    without = set(mask_of) - set(outlines["sample_id"])
+    return dg.AssetCheckResult(
+        passed=not wrong and not without,
+        description=f"{len(wrong)} of {len(outlines)} outlines are not their mask's, "
+        f"{len(without)} samples have none",
+        metadata={
+            "off_their_mask": len(wrong),
+            "without_an_outline": len(without),
+            "first": first([*wrong, *sorted(without)]),
+        },
     )
 
 
@@ -124,7 +161,7 @@ def touches_lie_on_outlines(
     return dg.AssetCheckResult(
         passed=not wrong,
         description=f"{len(wrong)} of {len(tactile_samples)} sets have touches off their outline",
-        metadata={"first": ", ".join(wrong[:5]) or "none"},
+        metadata={"sets_off_their_outline": len(wrong), "first": first(wrong)},
     )
 
 
@@ -146,7 +183,48 @@ def a_unet_can_overfit(rotated_splits: pd.DataFrame, outlines: pd.DataFrame) -> 
     return dg.AssetCheckResult(
         passed=jaccard >= OVERFIT_JACCARD,
         description=f"Jaccard index {jaccard:.1f}; {OVERFIT_JACCARD:.0f} is expected",
-        metadata={"jaccard": round(jaccard, 2)},
+        metadata={"jaccard": number(jaccard)},
+    )
+
+
+@dg.asset_check(asset="unet", additional_ins={"rotated_splits": dg.AssetIn("rotated_splits")})
+def the_unet_is_sound(unet: TrainedUNet, rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
+    """No weight is infinite or no number, and the U-Net was trained at the masks' resolution."""
+    broken = sum(int((~weights.isfinite()).sum()) for weights in unet.weights.values())
+    resolution = int(rotated_splits["resolution"].iloc[0])
+    return dg.AssetCheckResult(
+        passed=not broken and unet.resolution == resolution,
+        description=f"{broken} weights are not finite; the U-Net's resolution is "
+        f"{unet.resolution}, the masks' {resolution}",
+        metadata={"weights_not_finite": broken, "resolution": unet.resolution},
+    )
+
+
+@dg.asset_check(asset="policies", additional_ins={"unet": dg.AssetIn("unet")})
+def policies_are_sound(policies: list[UPath], unet: TrainedUNet) -> dg.AssetCheckResult:
+    """Every policy was trained with this U-Net, and no weight is infinite or no number."""
+    from tactile_core.exploration.policies.store import describe, read_weights
+
+    stored = {directory.name: describe(directory) for directory in policies}
+    of_another = [name for name, policy in stored.items() if policy.unet != unet.version()]
+    broken = [
+        directory.name
+        for directory in policies
+        if not all(
+            weights.isfinite().all()
+            for weights in read_weights(directory, stored[directory.name]).values()
+        )
+    ]
+    return dg.AssetCheckResult(
+        passed=not of_another and not broken,
+        description=f"{len(of_another)} of {len(policies)} policies are of another U-Net, "
+        f"{len(broken)} have weights that are not finite",
+        metadata={
+            "policies": len(policies),
+            "of_another_unet": len(of_another),
+            "with_weights_not_finite": len(broken),
+            "first": first([*of_another, *broken]),
+        },
     )
 
 
@@ -175,7 +253,7 @@ def the_unet_beats_the_mean_shape(
         passed=jaccard > mean_shape,
         severity=UNLESS_SMOKE,
         description=f"Jaccard index {jaccard:.1f}; the mean shape has {mean_shape:.1f}",
-        metadata={"jaccard": round(jaccard, 2), "mean_shape": round(mean_shape, 2)},
+        metadata={"jaccard": number(jaccard), "jaccard_of_the_mean_shape": number(mean_shape)},
     )
 
 
@@ -197,5 +275,29 @@ def trained_policies_beat_random(per_step_evaluation: pd.DataFrame) -> dg.AssetC
         passed=worse.empty,
         severity=UNLESS_SMOKE,
         description=f"{len(worse)} of {len(trained)} policies do not beat random ({bar:.1f})",
-        metadata={"after_the_last_ray": markdown(means)},
+        metadata={
+            "policies_below_random": len(worse),
+            "jaccard_of_random": number(bar),
+            **numbers("jaccard", trained.groupby("policy")["jaccard"].mean()),
+        },
     )
+
+
+@dg.asset_check(asset="per_grasp_evaluation")
+def touches_raise_the_jaccard_index(per_grasp_evaluation: pd.DataFrame) -> dg.AssetCheckResult:
+    """With all touches held, every policy has a higher mean Jaccard index than with the first."""
+    table = per_grasp_evaluation.dropna(subset="jaccard")
+    by_grasp = table.groupby(["policy", "grasp"])["jaccard"].mean().unstack()
+    raised = by_grasp.iloc[:, -1] - by_grasp.iloc[:, 0]
+    lower = raised.index[~(raised > 0)]
+    return dg.AssetCheckResult(
+        passed=lower.empty,
+        severity=UNLESS_SMOKE,
+        description=f"{len(lower)} of {len(raised)} policies reconstruct no better at the end",
+        metadata={"policies_no_better": len(lower), **numbers("raised_by", raised)},
+    )
+
+
+def first(names: Iterable[str]) -> str:
+    """The first few names, for a reader to begin with."""
+    return ", ".join(list(names)[:5]) or "none"

@@ -1,18 +1,22 @@
 """Run configuration: the settings of the core, with the active profile's values as defaults.
 
-`TACTILE_PROFILE` is read once, when the definitions are loaded.
+The profile is found once, when the definitions are loaded.
 """
 
 import copy
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable, Mapping
+from enum import StrEnum
 from typing import Any, TypeVar, get_args, get_origin
 
 import click
 import dagster as dg
-from pydantic import ValidationError, create_model
+from pydantic import ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
+from tactile_assets.dagster_internals import when_a_run_is_asked_for
 from tactile_core.errors import TactileError
+from tactile_core.home import remembered_profile
 from tactile_core.settings import Profile, Settings, active_profile, problems
 
 
@@ -29,6 +33,18 @@ def profile_or_end() -> Profile:
 
 PROFILE = profile_or_end()
 
+
+def which_profile(environ: Mapping[str, str] = os.environ) -> str:
+    """Which profile is active, and why where nobody named it or the last run here had another."""
+    name, last = PROFILE.name, remembered_profile(environ)
+    if not environ.get("TACTILE_PROFILE"):
+        why = "as in the last run here" if last else "as none was named"
+        return f"profile {name}, {why}; TACTILE_PROFILE names another"
+    if last and last != name:
+        return f"profile {name}; what is here was made with {last}, and is stale until made anew"
+    return f"profile {name}"
+
+
 AnyConfig = TypeVar("AnyConfig", bound=dg.Config)
 
 
@@ -43,9 +59,11 @@ class RunRefused(dg.DagsterError, click.ClickException):
 class StageConfig(dg.Config):
     """Run config that says in one line what is wrong with it.
 
-    Mixed with the settings of a stage it has their fields, and may be passed wherever the core
-    takes those settings.
+    Names are plain text in it, whatever they are chosen from. Mixed with the settings of a stage it
+    has their fields, and may be passed wherever the core takes those settings.
     """
+
+    model_config = ConfigDict(use_enum_values=True)
 
     def __init__(self, **values: Any) -> None:
         try:
@@ -54,11 +72,15 @@ class StageConfig(dg.Config):
             raise TactileError(problems(error)) from error
 
 
-def defaults(settings: Settings) -> Callable[[type[AnyConfig]], type[AnyConfig]]:
+def defaults(
+    settings: Settings, **names: Iterable[str]
+) -> Callable[[type[AnyConfig]], type[AnyConfig]]:
     """Class decorator: the fields of a config class take their defaults from `settings`.
 
     Their bounds join the descriptions: Dagster's own schema, which the UI shows, has no place for
-    them.
+    them. A value that breaks one is refused as soon as a run is asked for, before its first step.
+
+    names : field → the names that may stand in its list; the UI offers them
     """
 
     def with_defaults(config: type[AnyConfig]) -> type[AnyConfig]:
@@ -68,15 +90,37 @@ def defaults(settings: Settings) -> Callable[[type[AnyConfig]], type[AnyConfig]]
             own.default = getattr(settings, name)
             own.description = " ".join(filter(None, [field.description, bounds(field)]))
             fields[name] = (field.annotation, own)
-        return create_model(
+            if name in names:
+                fields[name] = (listed(name, names[name], field), own)
+        model = create_model(
             config.__name__,
             __base__=config,
             __doc__=config.__doc__,
             __module__=config.__module__,
             **fields,
         )
+        when_a_run_is_asked_for(model, refuse_what_is_wrong(model))
+        return model
 
     return with_defaults
+
+
+def listed(name: str, names: Iterable[str], field: FieldInfo) -> Any:
+    """The type of a list of these names, as Dagster understands choices; it may be left out where
+    the field may."""
+    choices: Any = StrEnum(name, {one: one for one in names})  # type: ignore[misc]
+    some: Any = list[choices]
+    return some | None if type(None) in get_args(field.annotation) else some
+
+
+def refuse_what_is_wrong(config: type[AnyConfig]) -> Callable[[Mapping[str, Any]], None]:
+    def refuse(values: Mapping[str, Any]) -> None:
+        try:
+            config(**values)
+        except TactileError as error:
+            raise RunRefused(str(error)) from None
+
+    return refuse
 
 
 BOUNDS = {

@@ -11,6 +11,8 @@ from typing import Any
 
 import dagster as dg
 
+from tactile_assets.config import which_profile
+
 OURS = ("tactile_core.", "tactile_assets.")  # what is raised there is a sentence for the user
 WIDTH = 26  # of the longest step name
 
@@ -50,6 +52,8 @@ def event_text(event: dg.DagsterEvent) -> str:
     """What the console says of a Dagster event; most are not worth a line."""
     data: Any = event.event_specific_data
     match event.event_type:
+        case dg.DagsterEventType.RUN_START:
+            return which_profile()
         case dg.DagsterEventType.STEP_START:
             return "started"
         case dg.DagsterEventType.STEP_SUCCESS:

@@ -4,15 +4,27 @@
 """
 
 import contextlib
-from collections.abc import Iterable
+import itertools
+import time
+from collections.abc import Callable, Iterable, Mapping
+from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import dagster as dg
 from dagster._core.definitions.data_version import CachingStaleStatusResolver, StaleStatus
+from dagster._core.definitions.definitions_class import SINGLETON_REPOSITORY_NAME
 from dagster._core.errors import DagsterExecutionInterruptedError
 from dagster._core.execution import context_creation_job
 from dagster._core.loader import LoadingContextForTest
+from dagster._core.remote_origin import (
+    ManagedGrpcPythonEnvCodeLocationOrigin,
+    RemoteRepositoryOrigin,
+)
+from dagster._core.storage.tags import REPOSITORY_LABEL_TAG
+from dagster._core.types.loadable_target_origin import LoadableTargetOrigin
 from dagster._utils.interrupts import raise_interrupts_as
+from dagster._utils.schedules import cron_string_iterator
 
 
 def make_default_console(console: dg.LoggerDefinition) -> None:
@@ -54,3 +66,41 @@ def stale_assets(
         asset for asset in assets
         if resolver.get_status(dg.AssetKey(asset)) != StaleStatus.FRESH
     }  # fmt: skip
+
+
+def when_a_run_is_asked_for(
+    config: type[dg.Config], look: Callable[[Mapping[str, Any]], None]
+) -> None:
+    """Have `look` see the values of this run config, with defaults, before there is a run.
+
+    Dagster builds the config class itself, with its bounds, only within the step. Before, it knows
+    the schema of the class, of which there is one object for every op that has it.
+    """
+    schema = config.to_config_schema().as_field().config_type
+
+    def process(values: Mapping[str, Any]) -> Mapping[str, Any]:
+        look(values)
+        return values
+
+    schema.post_process = process  # type: ignore[method-assign]
+
+
+def count_as_run_of(location: str, module: str, instance: dg.DagsterInstance, run_id: str) -> None:
+    """Have the UI show a run of the command line as it shows its own, under Jobs and in the
+    timeline: as one of the code location that loads this module."""
+    run = instance.get_run_by_id(run_id)
+    if run is None or run.remote_job_origin is not None:
+        return
+    target = LoadableTargetOrigin(module_name=module)
+    origin = RemoteRepositoryOrigin(
+        ManagedGrpcPythonEnvCodeLocationOrigin(target, location), SINGLETON_REPOSITORY_NAME
+    )
+    instance.add_run_tags(run_id, {REPOSITORY_LABEL_TAG: origin.get_label()})
+    tagged = run.with_tags({**run.tags, REPOSITORY_LABEL_TAG: origin.get_label()})
+    instance.run_storage.replace_job_origin(tagged, origin.get_job_origin(run.job_name))
+
+
+def longest_wait(cron: str) -> timedelta:
+    """The longest time between two of the next hundred ticks of a schedule."""
+    ticks = itertools.islice(cron_string_iterator(time.time(), cron, "UTC"), 100)
+    return max(after - before for before, after in itertools.pairwise(ticks))

@@ -1,11 +1,24 @@
 """Report, section IV: from ShapeNet archives to masks, outlines and touches."""
 
+import time
+
 import dagster as dg
+import numpy as np
 import pandas as pd
 
+from tactile_assets import columns
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.metadata import counts, markdown, renewed, set_aside, stored, wing
+from tactile_assets.metadata import (
+    counts,
+    number,
+    renewed,
+    seconds_since,
+    set_aside,
+    shown,
+    stored,
+    wing,
+)
 from tactile_assets.resources import Store
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, TouchSettings
 
@@ -56,8 +69,9 @@ def shapenet_meshes(
     )
     return stored(
         manifest,
+        columns.MESHES,
+        meshes_by_class=shown(by_class),
         meshes=len(usable),
-        by_class=markdown(by_class, digits=0),
         **set_aside(manifest),
     )
 
@@ -85,6 +99,7 @@ def masks(
     from tactile_core.figures.style import png
 
     previous = store.previous("masks")
+    began = time.perf_counter()
     table = render_masks(
         shapenet_meshes,
         store.path("shapenet_meshes"),
@@ -97,12 +112,14 @@ def masks(
     categories = usable["category"].to_numpy(dtype=str)
     return stored(
         table,
+        columns.MASKS,
+        masks_by_class=store.picture("masks.png", png(mask_sheet(usable["mask"], categories))),
         masks=len(usable),
         **renewed(usable, previous),
         set_aside=len(table) - len(usable),
         resolution=config.resolution,
-        covered_percent=round(100 * covered / (len(usable) * config.resolution**2), 1),
-        sheet=store.picture("masks.png", png(mask_sheet(usable["mask"], categories))),
+        covered_percent=number(100 * covered / (len(usable) * config.resolution**2)),
+        seconds=seconds_since(began),
     )
 
 
@@ -130,6 +147,7 @@ def rotated_splits(
 
     rendering = MaskSettings(resolution=int(masks["resolution"].iloc[0]), renderer=config.renderer)
     previous = store.previous("rotated_splits")
+    began = time.perf_counter()
     table = rotate_splits(
         masks,
         shapenet_meshes,
@@ -143,12 +161,14 @@ def rotated_splits(
     sheet = mask_sheet(train["mask"], train["category"].to_numpy(dtype=str))
     return stored(
         table,
+        columns.ROTATED,
+        train_masks_by_class=store.picture("rotated_splits.png", png(sheet)),
+        models_by_split=counts(table.drop_duplicates("model_id"), "split", "category"),
+        samples_by_split=counts(table, "split", "category"),
         samples=len(table),
         **renewed(table, previous),
-        by_split=counts(table, "split", "category"),
-        models=counts(table.drop_duplicates("model_id"), "split", "category"),
         copies=table["model_id"].nunique() - table["copy_of"].nunique(),
-        sheet=store.picture("rotated_splits.png", png(sheet)),
+        seconds=seconds_since(began),
     )
 
 
@@ -166,17 +186,24 @@ def outlines(
     not, as no ray gets there. Touches can lie nowhere else.
     """
     from tactile_core.dataset.outlines import trace_outlines
+    from tactile_core.figures.sheets import touch_sheet
+    from tactile_core.figures.style import png
 
     previous = store.previous("outlines")
     table = trace_outlines(rotated_splits, previous, context.log.info)
     lengths = table["outline"].map(len)
+    untouched = [np.empty((0, 2), int)] * len(table)
+    categories = table["category"].to_numpy(dtype=str)
+    sheet = touch_sheet(rotated_splits["mask"], list(table["outline"]), untouched, categories)
     return stored(
         table,
+        columns.OUTLINES,
+        outlines_by_class=store.picture("outlines.png", png(sheet)),
         samples=len(table),
         **renewed(table, previous, "mask_hash"),
-        shortest=int(lengths.min()),
-        median=float(lengths.median()),
-        longest=int(lengths.max()),
+        shortest_outline=int(lengths.min()),
+        median_outline=number(lengths.median()),
+        longest_outline=int(lengths.max()),
     )
 
 
@@ -211,7 +238,8 @@ def tactile_samples(
     sizes = table["touches"].map(len).value_counts().sort_index()
     return stored(
         table,
+        columns.TOUCHES,
+        touches_on_outlines=store.picture("tactile_samples.png", png(sheet)),
         sets=len(table),
-        by_touches=markdown(sizes.rename_axis("touches").reset_index(name="sets")),
-        sheet=store.picture("tactile_samples.png", png(sheet)),
+        sets_by_touches=shown(sizes.rename_axis("touches").reset_index(name="sets")),
     )

@@ -25,6 +25,7 @@ from tactile_assets import (
     evaluation,
     exploration,
     io_managers,
+    jobs,
     notify,
     prune,
     real,
@@ -47,28 +48,30 @@ STEPS = (
 
 make_default_console(console.console)
 
+ASSETS = [
+    dataset.shapenet_meshes,
+    dataset.masks,
+    dataset.rotated_splits,
+    dataset.outlines,
+    dataset.tactile_samples,
+    reconstruction.unet_search,
+    *([reconstruction.practice_rays] if PROFILE.practice else []),
+    reconstruction.unet,
+    reconstruction.reconstruction_evaluation,
+    exploration.policies,
+    evaluation.rollouts,
+    evaluation.per_step_evaluation,
+    evaluation.per_grasp_evaluation,
+    *(real.ASSETS if PROFILE.real else []),
+]
+
 defs = dg.Definitions(
-    assets=[
-        dataset.shapenet_meshes,
-        dataset.masks,
-        dataset.rotated_splits,
-        dataset.outlines,
-        dataset.tactile_samples,
-        reconstruction.unet_search,
-        *([reconstruction.practice_rays] if PROFILE.practice else []),
-        reconstruction.unet,
-        reconstruction.reconstruction_evaluation,
-        exploration.policies,
-        evaluation.rollouts,
-        evaluation.per_step_evaluation,
-        evaluation.per_grasp_evaluation,
-        *(real.ASSETS if PROFILE.real else []),
-    ],
+    assets=dg.with_source_code_references(ASSETS),
     asset_checks=[
         *dg.load_asset_checks_from_modules([checks]),
         *(real.CHECKS if PROFILE.real else []),
     ],
-    jobs=[automation.whole_chain, prune.prune_job],
+    jobs=[*jobs.JOBS, prune.prune_job],
     schedules=[automation.weekly],
     sensors=[
         automation.source_changes,

@@ -1,5 +1,6 @@
 """Report, section VII: the policies on shapes that nothing was trained on."""
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -7,21 +8,23 @@ import dagster as dg
 import pandas as pd
 from upath import UPath
 
-from tactile_assets.automation import after
+from tactile_assets import columns
+from tactile_assets.automation import FRESHNESS, after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.metadata import markdown, stored, wing
+from tactile_assets.metadata import numbers, seconds_since, shown, stored, wing
 from tactile_assets.provenance import made_with
 from tactile_assets.resources import Store
-from tactile_core.settings import EvaluationSettings, RolloutSettings
+from tactile_core.exploration.policies.references import REFERENCES
+from tactile_core.settings import CHOICES, EvaluationSettings, RolloutSettings
 
 if TYPE_CHECKING:
     from tactile_core.dataset.shapes import Shapes
     from tactile_core.evaluation.replay import Rollout
 
 
-@defaults(PROFILE.rollouts)
+@defaults(PROFILE.rollouts, references=REFERENCES, choices=CHOICES)
 class RolloutConfig(StageConfig, RolloutSettings):
     """Rays of every policy on every test sample."""
 
@@ -46,7 +49,11 @@ CODE = (
     "evaluation.rollouts", "evaluation.replay", "evaluation.unseen", "exploration.policies.store",
     "reconstruction.inference",
 )  # fmt: skip
-READING: dict[str, Any] = {"kinds": {"matplotlib", "parquet"}, **wing("evaluation")}
+READING: dict[str, Any] = {
+    "kinds": {"matplotlib", "parquet"},
+    "freshness_policy": FRESHNESS,
+    **wing("evaluation"),
+}
 PER_STEP = code_version("evaluation.readings", PROFILE.per_step)
 PER_GRASP = code_version("evaluation.readings", PROFILE.per_grasp)
 
@@ -126,17 +133,23 @@ def cast_all(
     refuse_known(test, seen_by(unet, policies), by_name=not prefix, remedy=REMEDY[bool(prefix)])
     trained = load_policies(policies, unet.version(), unet.resolution)
     previous = store.previous(f"{prefix}rollouts")
+    began = time.perf_counter()
     table = cast_rollouts(
         trained, test, unet, config, previous, progress, work=store.work(f"{prefix}rollouts")
     )
     runs = example_runs(table, [(one.name, one.seed) for one in trained], test, unet, config)
     return stored(
         table,
+        columns.ROLLOUTS,
+        one_rollout_in_motion=store.picture(f"{prefix}run.gif", rollout_gif(runs[-1])),
+        one_rollout_ray_by_ray=store.picture(f"{prefix}figure_2.png", png(steps_figure(runs[-1]))),
+        random_and_the_best_policy=store.picture(
+            f"{prefix}figure_3.png", png(runs_figure(runs), width_px=540)
+        ),
         rays=len(table),
         samples=table["sample_id"].nunique(),
-        one_run=store.picture(f"{prefix}figure_2.png", png(steps_figure(runs[-1]))),
-        runs=store.picture(f"{prefix}figure_3.png", png(runs_figure(runs), width_px=540)),
-        animation=store.picture(f"{prefix}run.gif", rollout_gif(runs[-1])),
+        policies=len(table[["policy", "seed"]].drop_duplicates()),
+        seconds=seconds_since(began),
     )
 
 
@@ -147,7 +160,7 @@ def per_step(
     from tactile_core.evaluation.readings import per_step_reading
 
     table = per_step_reading(rollouts, config)
-    return stored(table, **curve(table, "step", config, store, prefix))
+    return stored(table, columns.PER_STEP, **curve(table, "step", config, store, prefix))
 
 
 def per_grasp(
@@ -157,7 +170,7 @@ def per_grasp(
     from tactile_core.evaluation.readings import per_grasp_reading
 
     table = per_grasp_reading(rollouts, config)
-    return stored(table, **curve(table, "grasp", config, store, prefix))
+    return stored(table, columns.PER_GRASP, **curve(table, "grasp", config, store, prefix))
 
 
 def seen_by(unet: TrainedUNet, policies: list[UPath]) -> dict[str, pd.DataFrame]:
@@ -175,14 +188,22 @@ def curve(
     from tactile_core.figures.curves import policy_curves
     from tactile_core.figures.style import png
 
-    figure = {"step": "figure_4.png", "grasp": "figure_5.png"}[index]
+    shows, figure, word = {
+        "step": ("jaccard_after_each_ray", "figure_4.png", "ray"),
+        "grasp": ("jaccard_at_each_touch", "figure_5.png", "touch"),
+    }[index]
+    last = table[index].max()
     results = policy_results(table, index, settings.resamples, settings.seed)
+    of_each = results.summary.set_index("policy")
     return {
+        shows: store.picture(f"{prefix}{figure}", png(policy_curves(results.curve, index))),
+        "jaccard_by_policy": shown(results.rows[["policy", f"{word} {last}", "mean", "gap, mean"]]),
+        "above_the_fixed_rules": shown(results.comparison.filter(regex="^policy$|^above")),
         "samples": table["sample_id"].nunique(),
-        "jaccard": markdown(results.rows),
-        "compared": markdown(results.comparison),
-        "curves": store.picture(f"{prefix}{figure}", png(policy_curves(results.curve, index))),
-        "made": dg.MetadataValue.json(made_with(settings)),
+        **numbers(f"jaccard at {word} {last}", of_each["last"]),
+        **numbers("jaccard, mean over all", of_each["mean"]),
+        **numbers("gap closed", of_each["mean_gap"]),
+        "made_with": dg.MetadataValue.json(made_with(settings)),
     }
 
 

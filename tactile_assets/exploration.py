@@ -7,17 +7,25 @@ import dagster as dg
 import pandas as pd
 
 from tactile_assets.code_versions import code_version
-from tactile_assets.config import PROFILE, RunRefused, StageConfig, defaults
+from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.metadata import OWNERS, markdown
+from tactile_assets.metadata import OWNERS, SECTION, numbers, shown
 from tactile_assets.resources import Store
 from tactile_assets.trainings import PlannedTraining
 from tactile_core.errors import TactileError
+from tactile_core.exploration.learning.approaches import APPROACHES
 from tactile_core.files import content_hash, read_table
 from tactile_core.settings import PolicySettings
 
+# Each of the last part of the training, on train shapes.
+END_OF_TRAINING = {
+    "steps": "Rays cast.",
+    "reward": "Mean reward of an episode, before it is scaled.",
+    "jaccard": "Mean Jaccard index (0 to 100) at the end of an episode.",
+}
 
-@defaults(PROFILE.policies)
+
+@defaults(PROFILE.policies, approaches=APPROACHES)
 class PolicyConfig(StageConfig, PolicySettings):
     """Training of the policies."""
 
@@ -100,11 +108,15 @@ def gather_policies(
         for training in trained
     )
     last = curves.groupby(["approach", "seed"], sort=False, as_index=False).last()
+    names = last["approach"] + "-" + last["seed"].astype(str)
     metadata: dict[str, Any] = {
-        "policies": len(trained),
-        "end_of_training": markdown(last[["approach", "seed", "steps", "reward", "jaccard"]]),
-        "tensorboard": dg.MetadataValue.path(store.work("policies")),
         "training_curves": store.picture("training_curves.png", png(training_curves(curves))),
+        "end_of_training": shown(
+            last[["approach", "seed", "steps", "reward", "jaccard"]], END_OF_TRAINING
+        ),
+        "policies": len(trained),
+        **numbers("jaccard at the end of training", last["jaccard"].set_axis(names)),
+        "tensorboard": dg.MetadataValue.path(store.work("policies")),
     }
     version = dg.DataVersion(content_hash(sorted(versions.items())))
     store.forget_steps(context.run_id)
@@ -113,25 +125,15 @@ def gather_policies(
 
 @dg.config_mapping(config_schema=PolicyConfig.to_fields_dict())
 def policy_config(fields: dict[str, Any]) -> dict[str, Any]:
-    """Run config of the asset as run config of the op that plans the trainings.
-
-    Made as a run begins: what is wrong with it is told before the first step.
-    """
-    from tactile_core.exploration.learning.approaches import find_approach
-
-    try:
-        config = PolicyConfig(**fields)
-        for approach in config.approaches:
-            find_approach(approach)
-    except TactileError as error:
-        raise RunRefused(f"policies: {error}") from error
-    return {"plan_trainings": {"config": config.model_dump()}}
+    """Run config of the asset as run config of the op that plans the trainings."""
+    return {"plan_trainings": {"config": fields}}
 
 
 @dg.graph_asset(
     group_name="exploration",
     kinds={"gymnasium", "stablebaselines3", "pytorch"},
     owners=OWNERS,
+    tags=SECTION["exploration"],
     code_version=code_version(
         "exploration.learning.train", "exploration.learning.approaches", PROFILE.policies
     ),

@@ -42,7 +42,7 @@ def made_here() -> dict[str, Any]:
 def how_made(instance: dg.DagsterInstance, asset: str) -> dict[str, Any]:
     """What `made_with` said when the evaluation `asset` was last materialised."""
     metadata = latest(instance, asset)[1].metadata
-    made = metadata["made"].value if "made" in metadata else None
+    made = metadata["made_with"].value if "made_with" in metadata else None
     if not isinstance(made, dict) or "bootstrap" not in made:
         raise TactileError(f"{asset} does not say how it was made: materialise it again")
     return dict(made)

@@ -6,6 +6,7 @@ import dagster as dg
 import pandas as pd
 from upath import UPath
 
+from tactile_assets import columns
 from tactile_assets.automation import after
 from tactile_assets.checks import inside_the_circle
 from tactile_assets.code_versions import code_version
@@ -71,10 +72,11 @@ def real_shapes(
     sheet = mask_sheet(table["mask"], table["category"].to_numpy(dtype=str))
     return stored(
         table,
+        columns.ROTATED,
+        real_masks_by_class=store.picture("real_shapes.png", png(sheet)),
+        models_by_class=counts(table.drop_duplicates("model_id"), "split", "category"),
         samples=len(table),
-        models=counts(table.drop_duplicates("model_id"), "split", "category"),
         **set_aside(aside),
-        sheet=store.picture("real_shapes.png", png(sheet)),
     )
 
 

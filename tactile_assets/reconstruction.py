@@ -1,16 +1,18 @@
 """Report, section V: a U-Net that completes a shape from a few touches."""
 
 import contextlib
+import time
 from pathlib import Path
 
 import dagster as dg
 import pandas as pd
 
+from tactile_assets import columns
 from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.metadata import markdown, stored, wing
+from tactile_assets.metadata import number, numbers, seconds_since, shown, stored, wing
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table
@@ -59,6 +61,7 @@ def unet_search(
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.search import search_unet
 
+    began = time.perf_counter()
     train = load_shapes(rotated_splits, outlines, "train")
     table = search_unet(
         train,
@@ -72,10 +75,13 @@ def unet_search(
     )
     return stored(
         table,
+        columns.TRIALS,
+        loss_of_each_trial=store.picture("unet_search.png", png(search_scatter(table))),
+        best_trials=shown(table.head(10).drop(columns="key"), columns.TRIALS),
         trials=len(table),
-        best_jaccard=round(float(table["jaccard"].iloc[0]), 2),
-        best_trials=markdown(table.head(10).drop(columns="key"), digits=4),
-        trials_drawn=store.picture("unet_search.png", png(search_scatter(table))),
+        best_jaccard=number(table["jaccard"].iloc[0]),
+        best_loss=number(table["loss"].iloc[0]),
+        seconds=seconds_since(began),
     )
 
 
@@ -102,6 +108,7 @@ def practice_rays(
     from tactile_core.exploration.practice.practice import practise
     from tactile_core.reconstruction.hyperparameters import with_best_trial
 
+    began = time.perf_counter()
     table = practise(
         load_shapes(rotated_splits, outlines, "train"),
         load_shapes(rotated_splits, outlines, "eval"),
@@ -119,7 +126,13 @@ def practice_rays(
             missed_percent=("missed", "mean"),
         )
     )
-    return stored(table, sequences=len(table), runs=markdown(runs.reset_index()))
+    return stored(
+        table,
+        columns.PRACTICE,
+        runs_of_rays=shown(runs.reset_index()),
+        sequences=len(table),
+        seconds=seconds_since(began),
+    )
 
 
 @dg.asset(
@@ -155,6 +168,7 @@ def unet(
     from tactile_core.reconstruction.hyperparameters import with_best_trial
     from tactile_core.reconstruction.training import train_unet
 
+    began = time.perf_counter()
     work = store.work("unet")
     train = load_shapes(rotated_splits, outlines, "train")
     eval_shapes = load_shapes(rotated_splits, outlines, "eval")
@@ -179,13 +193,16 @@ def unet(
         value=trained,
         data_version=dg.DataVersion(trained.version()),
         metadata={
-            **{name: round(score, 4) for name, score in trained.scores.items()},
-            "parameters": sum(weights.numel() for weights in trained.weights.values()),
-            "settings": dg.MetadataValue.json(trained.settings),
-            "tensorboard": dg.MetadataValue.path(work / "tensorboard"),
             "learning_curve": store.picture(
                 "learning_curve.png", png(learning_curve(trained.curve))
             ),
+            "eval_jaccard": number(trained.scores["eval_jaccard"]),
+            "eval_loss": number(trained.scores["eval_loss"]),
+            "best_epoch": int(trained.scores["epoch"]),
+            "parameters": sum(weights.numel() for weights in trained.weights.values()),
+            "seconds": seconds_since(began),
+            "settings": dg.MetadataValue.json(trained.settings),
+            "tensorboard": dg.MetadataValue.path(work / "tensorboard"),
         },
     )
 
@@ -221,14 +238,21 @@ def reconstruction_evaluation(
         shapes["test"], {"the U-Net": unet.trained_on}, by_name=True,
         remedy="the splits have been dealt anew since, materialise unet again",
     )  # fmt: skip
+    began = time.perf_counter()
     table = evaluate_reconstruction(unet, shapes, tactile_samples, progress=context.log.info)
+    seconds = time.perf_counter() - began
+    mix = table[table["touches"].isna()].set_index("split")
     return stored(
         table,
-        table_ii=markdown(reconstruction_rows(table)),
-        by_touches=store.picture("reconstruction.png", png(touches_curve(table))),
-        examples=store.picture(
+        columns.RECONSTRUCTION,
+        good_median_and_bad_reconstructions=store.picture(
             "reconstructions.png", examples(unet, rotated_splits, outlines, tactile_samples)
         ),
+        table_ii=shown(reconstruction_rows(table)),
+        jaccard_by_number_of_touches=store.picture("reconstruction.png", png(touches_curve(table))),
+        **numbers("jaccard", mix["jaccard"]),
+        **numbers("loss", mix["loss"]),
+        samples_a_second=number(table["samples"].sum() / seconds),
     )
 
 

@@ -1,6 +1,5 @@
 """The store: what assets keep, and what only this machine keeps."""
 
-import base64
 import logging
 import os
 from collections.abc import Mapping
@@ -12,10 +11,12 @@ from pydantic import Field
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table, written_whole
+from tactile_core.files import content_hash, read_table, written_whole
 from tactile_core.home import check_one_home, find_artifacts, find_home
 
 logger = logging.getLogger(__name__)
+
+FIGURES = "figures"  # among the artifacts
 
 
 class Store(dg.ConfigurableResource):
@@ -70,10 +71,11 @@ class Store(dg.ConfigurableResource):
     def picture(self, name: str, picture: bytes) -> dg.MarkdownMetadataValue:
         """Keep a PNG or GIF as a file among the figures, and show it in the UI.
 
-        The event log holds the picture too, twice: keep it small.
+        The UI shows by itself only Markdown below 1000 characters, so it is given the address at
+        which `make ui` serves the figures; what else serves the UI shows the sentence instead.
         """
-        with written_whole(self.path("figures", name)) as file:
+        with written_whole(self.path(FIGURES, name)) as file:
             file.write(picture)
-        data = base64.b64encode(picture).decode()
-        kind = Path(name).suffix.removeprefix(".")
-        return dg.MetadataValue.md(f"![{name}](data:image/{kind};base64,{data})")
+        address = f"/{FIGURES}/{name}?version={content_hash(picture)}"
+        sentence = f"{name} is shown by `make ui`, unless a later run has replaced it"
+        return dg.MetadataValue.md(f"![{sentence}]({address}&small) [full size]({address})")

@@ -49,7 +49,7 @@ def main() -> None:
     )
     print(f"Tables:   {store.path()}/*.parquet")
     print(f"Figures:  {store.path('figures')}")
-    print("Browser:  make ui, then http://localhost:3000 (lineage, pictures, checks, logs)")
+    print("Browser:  make ui (lineage, pictures, checks, logs)")
 
 
 def stored_evaluations(store: Store) -> dict[str, pd.DataFrame]:

@@ -6,17 +6,22 @@ no other.
 
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, cast
 
 import dagster as dg
 from dagster import DagsterRunStatus
 
-from tactile_assets.dagster_internals import interruptible
+from tactile_assets.config import PROFILE
+from tactile_assets.dagster_internals import count_as_run_of, interruptible
 from tactile_assets.resources import Store
 from tactile_core.claims import claimed
-from tactile_core.files import remove_parts
+from tactile_core.files import remove_parts, written_whole
+from tactile_core.home import LAST_PROFILE
 from tactile_core.processes import Worker
 from tactile_core.ray_folders import remove_dead_rays
+
+LOCATION, DEFINITIONS = "tactile-exploration", "tactile_assets.definitions"  # see workspace.yaml
 
 HOST, PID, SINCE = "tactile/host", "tactile/pid", "tactile/since"  # tags of a run
 FINISHED = [DagsterRunStatus.SUCCESS, DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
@@ -40,6 +45,7 @@ class OneAtATime(dg.Executor):
 
     def execute(self, plan_context: Any, execution_plan: Any) -> Iterator[dg.DagsterEvent]:
         instance, run, log = plan_context.instance, plan_context.dagster_run, plan_context.log
+        count_as_run_of(LOCATION, DEFINITIONS, instance, run.run_id)
         worker = Worker.here()
         instance.add_run_tags(run.run_id, tags_of(worker))
         with contextlib.ExitStack() as claims:
@@ -47,6 +53,9 @@ class OneAtATime(dg.Executor):
                 for folder in self.store.local_folders():
                     name = f"run {run.run_id} ({worker})"
                     claims.enter_context(claimed(folder, name, log.info))
+            # Commands that name no profile have this one, too.
+            with written_whole(Path(self.store.home, LAST_PROFILE)) as file:
+                file.write(PROFILE.name.encode())
             for sentence in [*end_dead_runs(instance), *clear_up(self.store, instance, run)]:
                 log.info(sentence)
             yield from self.executor.execute(plan_context, execution_plan)

@@ -16,6 +16,7 @@ from tactile_core.addresses import holds_secret, shown
 from tactile_core.errors import TactileError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+LAST_PROFILE = "profile"  # file in the home: the name of the last run's profile
 # Dagster opens its database by an address: there these begin a query, or stand for another letter.
 UNUSABLE = re.compile(r"\?|%[0-9A-Fa-f]{2}|[\0-\x1f\x7f]")
 
@@ -25,8 +26,7 @@ def find_home(environ: Mapping[str, str] = os.environ) -> Path:
 
     Raises `TactileError` where it cannot be made or written to.
     """
-    given = environ.get("TACTILE_HOME")
-    home = Path(given).expanduser().absolute() if given else default_home()
+    given, home = environ.get("TACTILE_HOME"), home_named(environ)
     said = f"TACTILE_HOME={given}" if given else f"the home {home}"
     if letter := UNUSABLE.search(str(home)):
         shown = "".join(sign if sign.isprintable() else "…" for sign in said)
@@ -43,6 +43,20 @@ def find_home(environ: Mapping[str, str] = os.environ) -> Path:
     if not os.access(home, os.W_OK | os.X_OK):
         raise TactileError(f"{said} cannot be written to: name another folder, nothing was written")
     return home.resolve()
+
+
+def home_named(environ: Mapping[str, str] = os.environ) -> Path:
+    """The home as an absolute path, whether it is there or not."""
+    given = environ.get("TACTILE_HOME")
+    return Path(given).expanduser().absolute() if given else default_home()
+
+
+def remembered_profile(environ: Mapping[str, str] = os.environ) -> str | None:
+    """The name of the profile that the last run in this home had; None where there was no run."""
+    try:
+        return (home_named(environ) / LAST_PROFILE).read_text().strip() or None
+    except (OSError, UnicodeDecodeError):
+        return None
 
 
 def find_artifacts(environ: Mapping[str, str] = os.environ) -> str:

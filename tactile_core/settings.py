@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from tactile_core.addresses import redacted, setting_of
 from tactile_core.errors import TactileError
+from tactile_core.home import remembered_profile
 
 RESOLUTION = Field(
     64,
@@ -489,12 +490,12 @@ PROFILES = {
 
 
 def active_profile(environ: Mapping[str, str] = os.environ) -> Profile:
-    """The profile that `TACTILE_PROFILE` names (default laptop), with `TACTILE_SHAPENET` and
-    `TACTILE_REAL` applied.
+    """The profile that `TACTILE_PROFILE` names, or that the last run in the home had, or the
+    laptop's, with `TACTILE_SHAPENET` and `TACTILE_REAL` applied.
 
     An address with a password or query stays in its variable: the setting is its name, `$NAME`.
     """
-    name = environ.get("TACTILE_PROFILE") or "laptop"
+    name = environ.get("TACTILE_PROFILE") or remembered_profile(environ) or "laptop"
     if name not in PROFILES:
         raise TactileError(
             f"TACTILE_PROFILE={name!r} is unknown: choose one of {', '.join(PROFILES)}"

@@ -39,7 +39,7 @@ def home(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def finished(home, tmp_path_factory) -> subprocess.CompletedProcess:
     """The whole tiny chain, run with the literal command."""
-    command = "dagster asset materialize --select '*'"
+    command = "dagster job execute --job whole_chain"
     return once(tmp_path_factory, "chain", lambda: run_whole_chain(command, home))
 
 

@@ -38,6 +38,19 @@ def run_config(**settings: dict[str, Any]) -> dict[str, Any]:
     return {"ops": {asset: {"config": fields} for asset, fields in ops.items() if fields}}
 
 
+def plain(home: Path, **variables: str) -> dict[str, str]:
+    """The variables of a shell where nothing but the home and these was exported."""
+    binaries = Path(sys.executable).parent
+    return {
+        "PATH": f"{binaries}:/usr/local/bin:/usr/bin:/bin",
+        "HOME": os.environ["HOME"],
+        # Only the folder above it counts; the tests may run in an environment elsewhere.
+        "VIRTUAL_ENV": str(REPOSITORY / "tests"),
+        "TACTILE_HOME": str(home),
+        **variables,
+    }
+
+
 def shell(
     command: str, home: Path, *, whatever_it_says: bool = False, **variables: str
 ) -> subprocess.CompletedProcess:

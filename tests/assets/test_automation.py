@@ -1,9 +1,12 @@
 """One tick of everything that runs by itself, on a real instance."""
 
+from datetime import timedelta
+
 import dagster as dg
 import pytest
 
-from tactile_assets import automation
+from tactile_assets import automation, jobs
+from tactile_assets.dagster_internals import longest_wait
 from tactile_assets.definitions import defs
 from tactile_core.errors import TactileError
 from tests.assets.running import Platform, shell
@@ -28,6 +31,37 @@ def test_the_environment_sets_when_the_schedule_runs(tmp_path):
     code = "from tactile_assets.automation import weekly; print(weekly.cron_schedule)"
     done = shell(f'python -c "{code}"', tmp_path, TACTILE_CRON="30 5 * * *")
     assert done.stdout.strip() == "30 5 * * *", done.stderr
+
+
+def test_evaluations_are_to_be_fresh_where_a_schedule_was_asked_for(tmp_path):
+    asked = (
+        "from tactile_assets.definitions import defs; "
+        "specs = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_specs()}; "
+        "print(specs['per_step_evaluation'].freshness_policy is not None)"
+    )
+    command = f'python -c "{asked}"'
+    assert shell(command, tmp_path).stdout.strip() == "False"
+    assert shell(command, tmp_path, TACTILE_CRON="0 2 * * *").stdout.strip() == "True"
+
+
+@pytest.mark.parametrize(
+    ("cron", "days"), [("0 2 * * *", 1), ("0 3 * * 1", 7), ("0 0 1 * *", 31), ("0 9 * * 1-5", 3)]
+)
+def test_the_longest_wait_for_a_tick_is_known(cron, days):
+    assert longest_wait(cron) == timedelta(days=days)
+
+
+def test_jobs_are_parts_of_the_chain():
+    assets = {
+        job.name: {
+            key.path[-1] for key in defs.resolve_job_def(job.name).asset_layer.executable_asset_keys
+        }
+        for job in jobs.JOBS
+    }
+    assert assets["evaluate"] == EVALUATIONS
+    assert assets["dataset"] | assets["retrain"] == assets["whole_chain"]
+    assert not assets["dataset"] & assets["retrain"]
+    assert assets["evaluate"] < assets["retrain"]
 
 
 @pytest.fixture

@@ -1,11 +1,15 @@
 """The whole chain, from the plain command to what lies in the store and in the event log."""
 
 import json
+import math
 
 import dagster as dg
+import pandas as pd
 import pytest
 
 from tactile_assets.io_managers import PolicyIndex
+from tactile_assets.metadata import numbers, shown
+from tactile_assets.runs import LOCATION
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table
@@ -24,8 +28,18 @@ def test_every_step_says_what_it_does_in_one_line(finished):
     assert any("masks " in line and "12 masks rendered" in line for line in lines)
     assert any("policies[total_0]" in line and "256/256 rays" in line for line in lines)
     assert any("check no_model_in_two_splits passed" in line for line in lines)
+    assert lines[0].endswith("profile smoke")
     assert not any("DEBUG" in line or "Warning" in line or "Loading file" in line for line in lines)
     assert max(map(len, lines)) < 250
+
+
+def test_a_run_of_the_command_line_is_one_of_its_job_in_the_code_location(chain):
+    """Jobs and the timeline of the UI show no others."""
+    [run] = chain.instance.get_runs()
+    assert run.job_name == "whole_chain"
+    assert run.remote_job_origin.repository_origin.get_label() == f"__repository__@{LOCATION}"
+    of_the_job = dg.RunsFilter(tags={".dagster/repository": f"__repository__@{LOCATION}"})
+    assert [one.run_id for one in chain.instance.get_runs(of_the_job)] == [run.run_id]
 
 
 def test_artifacts_are_plain_files_under_their_names(chain):
@@ -98,25 +112,72 @@ def test_what_steps_hand_each_other_is_gone_after_the_run(chain):
     assert not [path for path in steps.rglob("*") if path.is_file()]
 
 
-def test_metadata_tells_each_assets_story(chain):
+def test_every_asset_shows_a_picture_and_numbers_without_a_click(chain):
+    """Dagster's pages show Markdown by themselves below 1000 characters, and plot numbers alone."""
     pictures = {
-        "masks": "sheet",
-        "tactile_samples": "sheet",
-        "unet_search": "trials_drawn",
-        "unet": "learning_curve",
-        "reconstruction_evaluation": "examples",
-        "policies": "training_curves",
-        "rollouts": "runs",
-        "per_step_evaluation": "curves",
-        "per_grasp_evaluation": "curves",
+        "masks": ["masks_by_class"],
+        "rotated_splits": ["train_masks_by_class"],
+        "outlines": ["outlines_by_class"],
+        "tactile_samples": ["touches_on_outlines"],
+        "unet_search": ["loss_of_each_trial"],
+        "unet": ["learning_curve"],
+        "reconstruction_evaluation": [
+            "good_median_and_bad_reconstructions",
+            "jaccard_by_number_of_touches",
+        ],
+        "policies": ["training_curves"],
+        "rollouts": [
+            "one_rollout_in_motion",
+            "one_rollout_ray_by_ray",
+            "random_and_the_best_policy",
+        ],
+        "per_step_evaluation": ["jaccard_after_each_ray"],
+        "per_grasp_evaluation": ["jaccard_at_each_touch"],
     }
-    for asset, name in pictures.items():
-        text = metadata(chain, asset)[name].value
-        assert text.startswith("![") and "data:image/png;base64," in text, asset
-        assert len(text) < 300_000, asset
+    for asset, names in pictures.items():
+        told = metadata(chain, asset)
+        assert {name for name, value in told.items() if is_picture(value)} == set(names), asset
+        assert all(len(told[name].value) < 1000 for name in names), asset
+        numbers = (dg.IntMetadataValue, dg.FloatMetadataValue)
+        assert any(isinstance(value, numbers) for value in told.values()), asset
     assert metadata(chain, "shapenet_meshes")["meshes"].value == 12
-    assert "oracle" in metadata(chain, "per_step_evaluation")["jaccard"].value
-    assert "data:image/gif" in metadata(chain, "rollouts")["animation"].value
+
+
+def is_picture(value: dg.MetadataValue) -> bool:
+    return isinstance(value, dg.MarkdownMetadataValue) and value.value.startswith("![")
+
+
+def test_every_policy_has_numbers_that_can_be_plotted_over_runs(chain):
+    for asset, last in (("per_step_evaluation", "ray 10"), ("per_grasp_evaluation", "touch 10")):
+        told = metadata(chain, asset)
+        policies = set(read_table(chain.store.path(f"{asset}.parquet"))["policy"])
+        for name in (f"jaccard at {last}", "jaccard, mean over all"):
+            plotted = {key.partition("/")[2] for key in told if key.startswith(f"{name}/")}
+            assert plotted == policies, name
+        shown = [record.data["policy"] for record in told["jaccard_by_policy"].records]
+        assert set(shown) == policies
+
+
+def test_what_is_no_number_is_not_plotted_and_a_dash_in_tables():
+    summary = pd.Series({"random": 0.0, "even": math.nan, "oracle": 1})
+    plotted = numbers("gap closed", summary)
+    assert {name: value.value for name, value in plotted.items()} == {
+        "gap closed/random": 0.0,
+        "gap closed/oracle": 1.0,
+    }
+    told = shown(summary.rename_axis("policy").reset_index(name="gap"), {"gap": "Gap closed."})
+    assert [record.data["gap"] for record in told.records] == [0.0, "-", 1.0]
+    assert told.schema.columns[1].description == "Gap closed."
+
+
+@pytest.mark.parametrize("asset", TABLES)
+def test_every_column_of_every_table_is_described(chain, asset):
+    told = metadata(chain, asset)
+    table = read_table(chain.store.path(f"{asset}.parquet"))
+    columns = told["dagster/column_schema"].schema.columns
+    assert [column.name for column in columns] == list(table.columns)
+    assert all(column.description and column.type for column in columns)
+    assert told["dagster/row_count"].value == len(table)
 
 
 def test_figures_lie_in_the_store(chain):

@@ -1,5 +1,7 @@
 """Checks pass on what the chain stored, and fail where something is wrong with it."""
 
+import dataclasses
+
 import dagster as dg
 import numpy as np
 import pandas as pd
@@ -8,6 +10,7 @@ import pytest
 from tactile_assets import checks
 from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
 from tactile_core.files import read_table, write_table
+from tactile_core.reconstruction.trained import load_unet
 
 
 def evaluation(result, check):
@@ -24,6 +27,9 @@ def test_checks_of_the_finished_run_passed_where_training_length_does_not_matter
         "classes_are_balanced",
         "touches_lie_on_outlines",
         "a_unet_can_overfit",
+        "outlines_lie_on_their_masks",
+        "the_unet_is_sound",
+        "policies_are_sound",
     ):
         assert f"check {name} passed" in finished.stderr
 
@@ -86,13 +92,55 @@ def test_touches_off_the_outline_and_touches_made_twice_are_found(chain):
         assert not checks.touches_lie_on_outlines(changed, outlines).passed
 
 
+def test_an_outline_off_its_mask_and_a_sample_without_one_are_found(chain):
+    outlines = read_table(chain.store.path("outlines.parquet"))
+    splits = read_table(chain.store.path("rotated_splits.parquet"))
+    assert checks.outlines_lie_on_their_masks(outlines, splits).passed
+    off = outlines.copy()
+    off.at[0, "outline"] = np.zeros((1, 2), np.int16)
+    result = checks.outlines_lie_on_their_masks(off, splits)
+    assert not result.passed and result.metadata["off_their_mask"].value == 1
+    result = checks.outlines_lie_on_their_masks(outlines[1:], splits)
+    assert not result.passed and result.metadata["without_an_outline"].value == 1
+
+
+def test_weights_that_are_no_numbers_and_another_resolution_are_found(chain):
+    splits = read_table(chain.store.path("rotated_splits.parquet"))
+    unet = load_unet(chain.store.path("unet"))
+    assert checks.the_unet_is_sound(unet, splits).passed
+    assert not checks.the_unet_is_sound(unet, splits.assign(resolution=128)).passed
+    name = next(iter(unet.weights))
+    broken = {**unet.weights, name: unet.weights[name] * float("nan")}
+    result = checks.the_unet_is_sound(dataclasses.replace(unet, weights=broken), splits)
+    assert not result.passed
+    assert result.metadata["weights_not_finite"].value == unet.weights[name].numel()
+
+
+def test_policies_of_another_unet_are_found(chain):
+    unet = load_unet(chain.store.path("unet"))
+    directories = [chain.store.path("policies", name) for name in ("total-0", "gain-0")]
+    assert checks.policies_are_sound(directories, unet).passed
+    weights = {name: 2 * values for name, values in unet.weights.items()}
+    result = checks.policies_are_sound(directories, dataclasses.replace(unet, weights=weights))
+    assert not result.passed and result.metadata["of_another_unet"].value == 2
+
+
+def test_a_policy_that_reconstructs_no_better_with_all_touches_is_found(chain):
+    table = read_table(chain.store.path("per_grasp_evaluation.parquet"))
+    rising = table.assign(jaccard=table["grasp"] * 5.0)
+    assert checks.touches_raise_the_jaccard_index(rising).passed
+    flat = rising.assign(jaccard=rising["jaccard"].where(rising["policy"] != "total", 50.0))
+    result = checks.touches_raise_the_jaccard_index(flat)
+    assert not result.passed and result.metadata["policies_no_better"].value == 1
+
+
 def test_meshes_set_aside_are_counted_with_their_reasons(chain):
     table = read_table(chain.store.path("shapenet_meshes.parquet"))
     table.loc[0, "status"] = "has no faces"
     result = checks.meshes_are_usable(table)
     assert not result.passed and result.severity == dg.AssetCheckSeverity.WARN
     assert result.description == "1 of 12 meshes set aside"
-    assert "has no faces" in result.metadata["reasons"].value
+    assert result.metadata["meshes_set_aside"].records[0].data["status"] == "has no faces"
 
 
 def test_a_unet_worse_than_the_mean_shape_is_found(chain):

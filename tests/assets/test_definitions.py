@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 import yaml
@@ -10,10 +11,14 @@ import yaml
 from tactile_assets.config import PROFILE
 from tactile_assets.dataset import MaskConfig, MeshConfig
 from tactile_assets.definitions import defs
+from tactile_assets.evaluation import RolloutConfig
 from tactile_assets.exploration import PolicyConfig
 from tactile_assets.paths import REPOSITORY
 from tactile_assets.reconstruction import SearchConfig, UNetConfig
+from tactile_assets.runs import DEFINITIONS, LOCATION
 from tactile_core.errors import TactileError
+from tactile_core.exploration.learning.approaches import APPROACHES
+from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.settings import MaskSettings
 from tests.assets.running import shell
 
@@ -48,6 +53,9 @@ def test_every_asset_says_what_it_is(asset):
     assert spec.group_name in {"dataset", "reconstruction", "exploration", "evaluation"}
     assert spec.owners and 1 <= len(spec.kinds) <= 3
     assert spec.code_version
+    assert spec.tags["section"] in {"IV", "V", "VI", "VII"}
+    [source] = spec.metadata["dagster/code_references"].code_references
+    assert Path(source.file_path).is_relative_to(REPOSITORY / "tactile_assets")
 
 
 def test_loading_the_definitions_imports_nothing_heavy():
@@ -74,6 +82,28 @@ def test_run_config_has_the_profiles_values_and_the_ui_shows_the_cores_bounds():
     assert shown["procedural_models"].endswith("(each at least 0, each at most 1000000)")
     assert shown["depths"] == "Choices. (1 or more entries, each at least 1, each at most 6)"
     assert shown["batch_size"] == "Empty: best trial's. (at least 2, at most 65536)"
+
+
+@pytest.mark.parametrize(
+    ("config", "field", "choices"),
+    [
+        (PolicyConfig, "approaches", set(APPROACHES)),
+        (RolloutConfig, "references", set(REFERENCES)),
+        (RolloutConfig, "choices", {"likeliest", "drawn"}),
+        (MaskConfig, "renderer", {"auto", "pyrender", "rasteriser"}),
+    ],
+)
+def test_the_launchpad_offers_the_names_that_there_are(config, field, choices):
+    kind = config.to_config_schema().as_field().config_type.fields[field].config_type
+    while hasattr(kind, "inner_type"):  # of what may be left out, and of a list
+        kind = kind.inner_type
+    assert {choice.config_value for choice in kind.enum_values} == choices
+
+
+def test_a_name_that_was_chosen_is_plain_text_to_the_core():
+    chosen = PolicyConfig(approaches=["gain"]).model_dump()["approaches"]
+    assert repr(chosen) == "['gain']"
+    assert repr(RolloutConfig().choices) == repr(PROFILE.rollouts.choices)
 
 
 def test_a_value_out_of_bounds_is_refused_in_one_line():
@@ -104,8 +134,8 @@ def test_the_code_location_has_one_name_whichever_file_names_it():
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["dg"]["project"]
     workspace = yaml.safe_load((REPOSITORY / "workspace.yaml").read_text())
     module = workspace["load_from"][0]["python_module"]
-    assert module["location_name"] == project["code_location_name"]
-    assert module["module_name"] == project["code_location_target_module"]
+    assert module["location_name"] == project["code_location_name"] == LOCATION
+    assert module["module_name"] == project["code_location_target_module"] == DEFINITIONS
 
 
 def test_activation_honours_a_home_that_is_set_and_makes_it_absolute(tmp_path):
@@ -135,6 +165,10 @@ def test_every_check_is_defined_and_those_that_guard_a_training_block():
         "a_unet_can_overfit",
         "the_unet_beats_the_mean_shape",
         "trained_policies_beat_random",
+        "outlines_lie_on_their_masks",
+        "the_unet_is_sound",
+        "policies_are_sound",
+        "touches_raise_the_jaccard_index",
     }
     assert {
         spec.name for check in defs.asset_checks for spec in check.check_specs if spec.blocking

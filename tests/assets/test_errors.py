@@ -4,9 +4,11 @@ import json
 import shutil
 import zipfile
 
+import dagster as dg
 import pytest
 
-from tests.assets.running import shell
+from tactile_assets.config import RunRefused
+from tests.assets.running import ALL, shell
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
 
@@ -24,29 +26,46 @@ def failure(home, select: str, config: dict | None = None, **variables: str) -> 
     return lines[0].partition("FAILED: ")[2]
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "reason"),
-    [
-        ("approaches", ["tottal"], "approach 'tottal' is unknown: choose from diff, total"),
-        ("batch_size", 300, "batch_size (300) does not divide the 256 rays of a rollout"),
-        ("seeds", [0, 0], "seeds names 0 twice"),
-        ("learning_rate", 2.0, "learning_rate = 2.0: Input should be less than or equal to 1"),
-    ],
-)
-def test_what_is_wrong_with_policies_is_told_before_any_step_of_the_run(
-    tmp_path, field, value, reason
-):
-    config = json.dumps({"ops": {"policies": {"config": {field: value}}}})
+BATCHES = "batch_size (300) does not divide the 256 rays of a rollout"
+PLACE = "Value at path root:ops:"
+RATE = "learning_rate = 2.0: Input should be less than or equal to 1"
+WRONG = [
+    (
+        "policies",
+        {"approaches": ["tottal"]},
+        f"{PLACE}policies:config:approaches[0]",
+    ),
+    ("policies", {"batch_size": 300}, BATCHES),
+    ("policies", {"seeds": [0, 0]}, "seeds names 0 twice"),
+    ("policies", {"learning_rate": 2.0}, RATE),
+    ("masks", {"resolution": 65}, "resolution = 65: Input should be a multiple of 16"),
+    ("unet", {"patience": 0}, "patience = 0: Input should be greater than or equal to 1"),
+    (
+        "rollouts",
+        {"references": ["rondom"]},
+        f"{PLACE}rollouts:config:references[0]",
+    ),
+    ("per_step_evaluation", {"resamples": 1}, "resamples = 1: Input should be greater than"),
+]
+
+
+@pytest.mark.parametrize(("asset", "config", "reason"), WRONG)
+def test_run_config_that_is_wrong_is_refused_before_there_is_a_run(platform, asset, config, reason):
+    with pytest.raises((RunRefused, dg.DagsterInvalidConfigError)) as refused:
+        platform.materialise(*ALL, config={"ops": {asset: {"config": config}}})
+    assert reason in str(refused.value)
+    assert not platform.instance.get_runs_count()
+    assert not (platform.home / "artifacts").exists()
+
+
+@pytest.mark.parametrize(("asset", "config", "reason"), [WRONG[0], WRONG[4]])
+def test_the_command_says_it_in_one_line(tmp_path, asset, config, reason):
+    config = json.dumps({"ops": {asset: {"config": config}}})
     done = shell(f"dagster asset materialize --select '*' --config-json '{config}'", tmp_path)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith(f"Error: policies: {reason}")
+    assert done.stderr.splitlines()[-1].startswith(f"Error: {reason}")
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "artifacts").exists()
-
-
-def test_a_wrong_resolution_names_the_field_and_the_bound(copy_of_chain):
-    said = failure(copy_of_chain.home, "masks", {"masks": {"config": {"resolution": 65}}})
-    assert said == "resolution = 65: Input should be a multiple of 16"
 
 
 def test_a_missing_upstream_table_says_what_to_materialise(tmp_path):

@@ -68,3 +68,16 @@ def test_an_unknown_profile_is_told_in_one_line_by_every_command(tmp_path):
         assert done.stderr.strip().removeprefix("Error: ").splitlines() == [
             "TACTILE_PROFILE='huge' is unknown: choose one of smoke, laptop, study, report, paper"
         ]
+
+
+def test_a_home_keeps_the_profile_of_its_last_run(tmp_path):
+    assert shell(MESHES, tmp_path, TACTILE_PROFILE="smoke").returncode == 0
+    without = shell(MESHES, tmp_path, TACTILE_PROFILE="")
+    assert "profile smoke, as in the last run here; TACTILE_PROFILE names another" in without.stderr
+    assert "30 of 30 meshes collected" in without.stderr
+    other = 'python -c "from tactile_assets.config import which_profile; print(which_profile())"'
+    named = shell(other, tmp_path, TACTILE_PROFILE="laptop")
+    assert named.stdout == (
+        "profile laptop; what is here was made with smoke, and is stale until made anew\n"
+    )
+    assert (tmp_path / "profile").read_text() == "smoke"

@@ -46,8 +46,12 @@ def test_every_depth_that_a_profile_searches_fits_its_resolution(profile):
     assert all(window % 2 ** (depth - 1) == 0 for depth in profile.search.depths)
 
 
-def test_the_environment_names_the_profile_and_where_meshes_come_from():
-    assert active_profile({}).name == "laptop"
+def test_the_environment_names_the_profile_and_where_meshes_come_from(tmp_path):
+    home = {"TACTILE_HOME": str(tmp_path)}
+    assert active_profile(home).name == "laptop"
+    (tmp_path / "profile").write_text("smoke")
+    assert active_profile(home).name == "smoke"
+    assert active_profile({**home, "TACTILE_PROFILE": "study"}).name == "study"
     chosen = active_profile({"TACTILE_PROFILE": "smoke", "TACTILE_SHAPENET": "/data/shapenet"})
     assert (chosen.name, chosen.meshes.location) == ("smoke", "/data/shapenet")
     assert active_profile({"TACTILE_SHAPENET": ""}).meshes.location is None

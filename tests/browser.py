@@ -1,0 +1,31 @@
+"""A real browser for tests of pages: Debian's Chromium, driven by Playwright.
+
+Where there is none the tests are skipped; under `.ci/run`, which sets CI, they fail.
+"""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Page, expect, sync_playwright
+
+WIDTH, HEIGHT = 1440, 1000
+PATIENCE = 60_000  # milliseconds: a page may be slow on a busy machine
+
+
+@contextmanager
+def browser_page() -> Iterator[Page]:
+    """A page of a browser of its own."""
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if not chromium:
+        assert "CI" not in os.environ, "there is no Chromium"
+        pytest.skip("there is no Chromium (Debian: apt install chromium)")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        page.set_default_timeout(PATIENCE)
+        expect.set_options(timeout=PATIENCE)
+        yield page
+        browser.close()
