@@ -13,8 +13,8 @@
 # on; a policy casts ten rays at it and sees no more of it than where they touch.
 
 # %%
+import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 from PIL import Image
 
 import tactile_core
@@ -81,10 +81,8 @@ Image.fromarray(np.hstack([pictures[ray] for ray in (0, 2, 4, 9)])).resize((1024
 # `random` casts any ray; the `oracle` knows the mug and shows what could be had.
 
 # %%
-figure = Figure(figsize=(7, 3.5))
-axes = figure.subplots()
+figure, axes = plt.subplots(figsize=(7, 3.5))
 for name in ("random", "even", "coverage", "oracle"):
     axes.plot(range(1, 11), feel_out(name)[0], "o-", label=name)
 axes.set(xlabel="rays cast", ylabel="Jaccard index")
 axes.legend()
-figure

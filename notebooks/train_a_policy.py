@@ -16,8 +16,8 @@
 import os
 
 import gymnasium
+import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 from stable_baselines3 import PPO
 
 import tactile_core
@@ -81,13 +81,11 @@ curves = {"ours": mean_curve(lambda observation, info: model.predict(observation
 for name in ("random", "even", "coverage"):
     curves[name] = mean_curve(tactile_core.policy(name, env).act)
 
-figure = Figure(figsize=(7, 3.5))
-axes = figure.subplots()
+figure, axes = plt.subplots(figsize=(7, 3.5))
 for name, curve in curves.items():
     axes.plot(range(1, 11), curve, "o-", label=f"{name}, {curve[-1]:.0f} after ten")
 axes.set(xlabel="rays cast", ylabel="mean Jaccard index")
 axes.legend()
-figure
 
 # %% [markdown]
 # ## And into the tables
