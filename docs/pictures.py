@@ -4,6 +4,7 @@ They go to docs/assets: a generated mug, felt out with the U-Net and the policie
 and the published curves of the study.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from tactile_core.dataset.things import generated_thing
-from tactile_core.evaluation.replay import Rollout
+from tactile_core.evaluation.replay import Rollout, feel_out
 from tactile_core.exploration.acting import find_policy
-from tactile_core.exploration.environments import as_reconstructor, default_unet
+from tactile_core.exploration.at_hand import POLICIES, UNET, at_hand
+from tactile_core.exploration.environments import as_reconstructor
 from tactile_core.exploration.world.circle import circle_pixels
 from tactile_core.exploration.world.rays import cast_rays, ray_ends
-from tactile_core.exploration.world.state import Explorations
 from tactile_core.figures.animation import rollout_gif
 from tactile_core.figures.curves import drawn
 from tactile_core.figures.rollouts import draw_prediction, draw_ray, draw_touches, name_signs
@@ -28,21 +29,10 @@ RAYS = 10
 
 
 def felt_out(name: str, mask: np.ndarray) -> Rollout:
-    """Ten rays of the policy `name` at a mug (R, R)."""
-    reconstructor = as_reconstructor(default_unet())
-    policy, rng = find_policy(name, reconstructor), np.random.default_rng(0)
-    explorations = Explorations(mask[None], reconstructor)
-    rays, touches, predictions, jaccard = [], [], [], []
-    for _ in range(RAYS):
-        rays.append(policy.choose(explorations, rng, deterministic=True)[0])
-        cast = explorations.cast(rays[-1][None])
-        touches.append(cast.touches[0])
-        predictions.append(explorations.predictions[0].copy())
-        jaccard.append(float(cast.jaccard[0]))
-    return Rollout(
-        name, mask, ray_ends(np.array(rays), len(mask)), np.array(touches), np.array(predictions),
-        np.array(jaccard), "mug",
-    )  # fmt: skip
+    """Ten rays of the policy `name` at a mug (R, R), as `tactile feel mug` has them."""
+    reconstructor = as_reconstructor(at_hand(UNET, POLICIES) / "unet")
+    rollout = feel_out(find_policy(name, reconstructor), mask, reconstructor, RAYS, seed=SEED)
+    return replace(rollout, category="mug")
 
 
 def ray_figure(mask: np.ndarray) -> Figure:

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from PIL import Image
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 REFUSING = """
@@ -106,7 +107,7 @@ def run(python: Path, *arguments: str, home: Path) -> str:
     kept = {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
     environment = kept | {"HOME": str(home), "XDG_DATA_HOME": str(home / "data")}
     done = subprocess.run(
-        [python, *arguments], env=environment, cwd=home, capture_output=True, text=True, timeout=120
+        [python, *arguments], env=environment, cwd=home, capture_output=True, text=True, timeout=280
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -121,7 +122,7 @@ def stored(python: Path) -> set[Path]:
     return {file for file in packages if "__pycache__" not in file.parts}
 
 
-def test_every_module_of_the_core_has_what_it_needs_but_the_search_and_the_second_renderer(
+def test_every_module_of_the_core_has_what_it_needs_but_those_of_search_and_play(
     installed, tmp_path
 ):
     program = """
@@ -133,11 +134,31 @@ for name in sorted({*names} - {"tactile_core.__main__"}):
     except ModuleNotFoundError as error:
         print(name, error.name)
 """
-    missing = dict(
-        line.split() for line in run(installed, "-c", program, home=tmp_path).splitlines()
-    )
+    lines = run(installed, "-c", program, home=tmp_path).splitlines()
+    missing = dict(line.split() for line in lines)
+    page = {name for name in missing if name.startswith("tactile_core.play.")}
+    assert {missing.pop(name) for name in page} <= {"nicegui", "fastapi", "uvicorn"}
     assert missing == {
         "tactile_core.cluster": "ray",
         "tactile_core.reconstruction.search": "ray",
         "tactile_core.reconstruction.trial": "ray",
     }
+
+
+def test_a_mug_is_felt_out_where_nothing_was_run(installed, tmp_path):
+    before = stored(installed)
+    tactile = str(installed.with_name("tactile"))
+    told = json.loads(run(installed, tactile, "feel", "mug", "--json", home=tmp_path))
+    assert len(told["rays"]) == 10
+    assert Image.open(tmp_path / "run.gif").is_animated
+    assert stored(installed) == before
+
+
+def test_the_environment_is_made_by_its_name_alone(installed, tmp_path):
+    program = """
+import gymnasium
+env = gymnasium.make("tactile_core:TactileExploration-v1")
+observation, info = env.reset(seed=0)
+print(env.observation_space.contains(observation), *info)
+"""
+    assert run(installed, "-c", program, home=tmp_path).startswith("True mask jaccard")
