@@ -6,6 +6,7 @@ the checkout. docs/mutation.md judges the survivors.
 
     python -m tests.mutants                                # all
     python -m tests.mutants exploration/world/rays keys    # some
+    python -m tests.mutants --every 3 keys                 # every third place, for a first look
 """
 
 import argparse
@@ -14,10 +15,10 @@ import os
 import re
 import resource
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,6 +37,7 @@ TESTS = {
     "keys": ["test_keys.py"],
     "value_versions": ["test_value_versions.py"],
 }
+WITH_FIXTURES = {"exploration/world/state"}  # of conftest.py, which imports nearly everything
 PLAIN_PYTHON = {"exploration/world/rays", "exploration/world/rewards"}
 # Tests that take long (pytest's -k): asked only where no other tells.
 SLOW = (
@@ -116,50 +118,56 @@ def passes(tree: Path, arguments: list[str]) -> bool:
     """Whether pytest, in a fork of this process, finds nothing wrong, or nothing to do."""
     child = os.fork()
     if child == 0:
-        os.chdir(tree)
-        sys.path.insert(0, str(tree))
-        nothing = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nothing, 1)
-        os.dup2(nothing, 2)
         used = int(sum(os.times()[:2]))
         resource.setrlimit(resource.RLIMIT_CPU, (used + LONGEST, used + LONGEST))
-        import pytest
-        from hypothesis import Phase, settings
-
-        # Nothing is shrunk, as nobody reads it.
-        phases = (Phase.explicit, Phase.generate)
-        settings.register_profile("mutants", deadline=None, derandomize=True, phases=phases)
-        options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", "-p", "no:xdist"]
-        options += ["--hypothesis-profile=mutants", f"--basetemp={tree.parent / 'temporary'}"]
-        try:
-            os._exit(int(pytest.main([*options, *arguments])))
-        except BaseException:
-            os._exit(1)
+        options = ["-x", "--hypothesis-profile=mutants", f"--basetemp={tree.parent / 'temporary'}"]
+        os._exit(asked([*options, *arguments]))
     return os.waitpid(child, 0)[1] in (0, 5 << 8)
 
 
-def survivors(module: str, folder: Path) -> tuple[list[str], int, int]:
-    """The mutants of a module that its tests do not tell, how many there were, and how many more
-    were not tried as they do the same."""
+def asked(arguments: list[str]) -> int:
+    """Exit status of pytest, which says nothing."""
+    import pytest
+    from hypothesis import Phase, settings
+
+    # Nothing is shrunk, as nobody reads it.
+    phases = (Phase.explicit, Phase.generate)
+    settings.register_profile("mutants", deadline=None, derandomize=True, phases=phases)
+    options = ["-q", "--timeout=0"]
+    for plugin in ("cacheprovider", "randomly", "xdist"):
+        options += ["-p", f"no:{plugin}"]
+    with Path(os.devnull).open("w") as nothing, redirect_stdout(nothing), redirect_stderr(nothing):
+        try:
+            return int(pytest.main([*options, *arguments]))
+        except BaseException:
+            return 1
+
+
+def survivors(module: str, every: int, folder: Path) -> tuple[list[str], int, int]:
+    """The mutants of a module that its tests do not tell, how many were tried, and how many more
+    were not as they do the same."""
     tree = folder / "tree"
     left_out = shutil.ignore_patterns(".git", ".venv", ".tactile", "build", "__pycache__", "docs")
     shutil.copytree(CHECKOUT, tree, ignore=left_out)
-    tests = [f"tests/core/{test}" for test in TESTS[module]]
-    # Once as they are: they have to pass, and leave fixtures and compiled code to be used again.
+    os.chdir(tree)
+    sys.path.insert(0, str(tree))
     os.environ[ELSEWHERE] = str(folder / "shared")
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    subprocess.run(
-        [*command, "-k", f"not {ASIDE}"], cwd=tree, check=True, stdout=subprocess.DEVNULL
-    )
     if module in PLAIN_PYTHON:
         os.environ["NUMBA_DISABLE_JIT"] = "1"
+    tests = [f"tests/core/{test}" for test in TESTS[module]]
+    if module not in WITH_FIXTURES:
+        tests.append("--noconftest")
+    asked(["--collect-only", *tests])  # imports all that they need
+    forget_what_imports(module, tree)
+    # Once as they are: they leave fixtures and compiled code to be used again.
+    if not survives(tree, tests):
+        sys.exit(f"{' '.join(tests)}: fail as they are")
     file = tree / "tactile_core" / f"{module}.py"
-    import_all_but_those_above(module, tree)
     for stale in (file.parent / "__pycache__").glob(f"{file.stem}.*"):
         stale.unlink()
     sys.dont_write_bytecode = True
     alive, count, equal = [], 0, 0
-    for mutant in mutants(file.read_text()):
+    for mutant in [*mutants(file.read_text())][::every]:
         if mutant.equal:
             equal += 1
             continue
@@ -171,35 +179,29 @@ def survivors(module: str, folder: Path) -> tuple[list[str], int, int]:
     return alive, count, equal
 
 
-def import_all_but_those_above(module: str, tree: Path) -> None:
-    """Import the libraries and every module of `tree` that does not import `module`, so that a fork
-    has the others only to import."""
-    sys.path.insert(0, str(tree))
+def forget_what_imports(module: str, tree: Path) -> None:
+    """Let `module`, all that imports it and the tests be imported anew, and nothing else."""
     keys = importlib.import_module("tactile_core.keys")
-    files = sorted(keys.FOLDER.rglob("*.py"))
-    names = [".".join(file.relative_to(tree).with_suffix("").parts) for file in files]
-    names = [name.removesuffix(".__init__") for name in names]
+    files = [file.relative_to(tree).with_suffix("") for file in keys.FOLDER.rglob("*.py")]
+    names = {".".join(file.parts).removesuffix(".__init__") for file in files}
     above = {f"tactile_core.{module.replace('/', '.')}"}
-    while more := {
-        n for n in names if n not in above and not above.isdisjoint(keys.own_imports(n))
-    }:
+    while more := {n for n in names - above if not above.isdisjoint(keys.own_imports(n))}:
         above |= more
-    for name in [name for name in sys.modules if name.partition(".")[0] == "tactile_core"]:
-        del sys.modules[name]
-    libraries = {name for part in names for name in keys.imported_names(part)}
-    for name in ["pytest", "hypothesis", *sorted(set(names) - above)]:
-        importlib.import_module(name)
-    for name in sorted({n.partition(".")[0] for n in libraries} - {"tactile_core"}):
-        importlib.import_module(name)
+    for name in [*sys.modules]:
+        package, _, last = name.rpartition(".")
+        if name in above or (package.partition(".")[0] == "tests" and name != "tests.shared"):
+            del sys.modules[name]
+            if package in sys.modules:  # else `from package import last` finds it
+                vars(sys.modules[package]).pop(last, None)
 
 
-def main(modules: list[str]) -> None:
+def main(modules: list[str], every: int) -> None:
     for module in modules:
         # Each in a process of its own: whether numba compiles is decided when it is imported.
         child = os.fork()
         if child == 0:
             with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-                alive, count, equal = survivors(module, Path(folder))
+                alive, count, equal = survivors(module, every, Path(folder))
             told = count - len(alive)
             share = f"{told} of {count} told ({told / max(count, 1):.0%})"
             print(f"{module}: {share}, {equal} more do the same", flush=True)
@@ -210,4 +212,6 @@ def main(modules: list[str]) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("modules", nargs="*", metavar="module", help="below tactile_core")
-    main(parser.parse_args().modules or list(TESTS))
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="each Nth place only")
+    chosen = parser.parse_args()
+    main(chosen.modules or list(TESTS), chosen.every)

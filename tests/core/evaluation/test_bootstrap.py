@@ -88,12 +88,12 @@ def test_weighted_statistics_are_those_of_the_rows_drawn_as_often(seeds, samples
 
 def test_the_gap_is_closed_from_random_at_0_to_the_oracle_at_1():
     means = {
-        "random": np.array([10.0, 20.0, 30.0]),
-        "oracle": np.array([30.0, 60.0, 30.0]),
-        "own": np.array([15.0, 60.0, 40.0]),
+        "random": np.array([10.0, 20.0, 30.0, 20.0]),
+        "oracle": np.array([30.0, 60.0, 30.0, 20.5]),  # however little that is
+        "own": np.array([15.0, 60.0, 40.0, 20.25]),
     }
-    np.testing.assert_array_equal(gap_closed(means, "own"), [0.25, 1, np.nan])
-    np.testing.assert_array_equal(gap_closed(means, "random"), [0, 0, np.nan])
+    np.testing.assert_array_equal(gap_closed(means, "own"), [0.25, 1, np.nan, 0.5])
+    np.testing.assert_array_equal(gap_closed(means, "random"), [0, 0, np.nan, 0])
     two = {name: means[name] for name in ("random", "oracle")}
     assert gap_closed(two, "oracle").tolist()[:2] == [1, 1]
     for lacking in ("random", "oracle"):

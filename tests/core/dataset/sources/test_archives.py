@@ -88,6 +88,9 @@ def test_a_small_member_that_unpacks_to_a_large_one_is_refused(tmp_path):
     path = make_zip(tmp_path / "a.zip", {"a/model.obj": bytes(archives.RATIO_MATTERS_FROM + 1)})
     assert path.stat().st_size < 20_000
     assert "unpacks to more than 200 times its size" in refusal(path)
+    just = make_zip(tmp_path / "b.zip", {GOOD: bytes(archives.RATIO_MATTERS_FROM)})
+    with open_archive(just) as archive:
+        assert list(safe_members(archive, [".obj"])) == [GOOD]
 
 
 def test_meshes_that_are_too_large_are_refused(tmp_path, monkeypatch):
