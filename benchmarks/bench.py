@@ -23,6 +23,7 @@ from benchmarks.figures import cost_figure, precision_figure
 from benchmarks.machine import REPOSITORY, describe_machine
 from benchmarks.memory import memory_curve
 from benchmarks.precision import pair_summary, precision_pairs, precision_rows
+from benchmarks.speed_elsewhere import elsewhere_rows
 from benchmarks.speed_environment import environment_curves, environment_rows, ppo_rows
 from benchmarks.speed_geometry import ray_rows, silhouette_rows, triangle_curve
 from benchmarks.speed_unet import unet_rows
@@ -30,7 +31,7 @@ from benchmarks.timing import Curve, Pace, Row
 from tactile_core.figures.style import png
 from tactile_core.files import written_whole
 
-MEASUREMENTS = (environment_rows, ppo_rows, unet_rows, silhouette_rows, ray_rows)
+MEASUREMENTS = (environment_rows, elsewhere_rows, ppo_rows, unet_rows, silhouette_rows, ray_rows)
 
 
 def main() -> None:

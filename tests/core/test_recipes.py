@@ -7,10 +7,14 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from click.testing import CliRunner
 from upath import UPath
 
+from tactile_core.commands import main
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
 from tactile_core.dataset.real import render_real
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings
@@ -28,11 +32,11 @@ def code_after(text: str, title: str, number: int = 0) -> str:
     return re.findall(r"```python\n(.*?)```", text.partition(title)[2], re.DOTALL)[number]
 
 
-def run(code: str, folder: Path, home: Path | None = None) -> str:
+def run(code: str, folder: Path) -> str:
     """What a process prints that runs `code` in `folder`, whose packages come before others."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith("TACTILE")}
     kept |= {"PYTHONPATH": f"{folder}:{REPOSITORY}", "TACTILE_PROFILE": "smoke"}
-    kept |= {"TACTILE_HOME": str(home or folder / "home")}
+    kept |= {"TACTILE_HOME": str(folder / "home")}
     done = subprocess.run(
         [sys.executable, "-P", "-c", code], cwd=folder, env=kept, capture_output=True, text=True,
         check=False, timeout=280,
@@ -144,15 +148,27 @@ print(float(np.abs(found - torch.sigmoid(logits)[:, 0].numpy()).max()) < 1e-4)
     assert printed.split() == ["True", "True", "True"]
 
 
-def test_a_policy_acts_in_the_environment(home, tmp_path):
-    code = code_after(README, "## Use the environment") + code_after(
-        README, "## Use the environment", 1
-    )
-    printed = run(code.replace("num_envs=256", "num_envs=4"), tmp_path, home)
-    assert re.fullmatch(r"Jaccard index \d+\.\d\n", printed)
+@pytest.fixture
+def here(home, tmp_path, monkeypatch):
+    """Runs code in this process, which has all that is heavy, as a script in a folder of its own;
+    returns its variables."""
+    monkeypatch.setenv("TACTILE_HOME", str(home))
+    monkeypatch.setenv("TACTILE_PROFILE", "smoke")
+    monkeypatch.delenv("TACTILE_STORE", raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def run(code: str) -> dict[str, Any]:
+        variables: dict[str, Any] = {"__name__": "__main__"}
+        exec(code, variables)
+        return variables
+
+    return run
 
 
-COMMAND = "from tactile_core.commands import main; main(ARGUMENTS)"
+def test_a_policy_acts_in_the_environment(here, capsys):
+    first, second = (code_after(README, "## Use the environment", number) for number in (0, 1))
+    here(first.replace("num_envs=256", "num_envs=4") + second)
+    assert re.fullmatch(r"Jaccard index \d+\.\d\n", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(
@@ -162,14 +178,14 @@ COMMAND = "from tactile_core.commands import main; main(ARGUMENTS)"
         ("**An algorithm of Stable-Baselines3**", "my_model.py"),
     ],
 )
-def test_a_policy_of_one_s_own_is_evaluated(home, tmp_path, title, file):
-    (tmp_path / file).write_text(
-        code_after(README, title).replace("50_000", "32").replace("(32, split", "(2, split")
-    )
+def test_a_policy_of_one_s_own_is_evaluated(here, title, file):
+    code = code_after(README, title).replace("50_000", "32").replace("(32, split", "(2, split")
+    Path(file).write_text(code)
     [command] = re.findall(rf"    tactile (evaluate {file}.*)", README)
-    printed = run(COMMAND.replace("ARGUMENTS", repr(shlex.split(command))), tmp_path, home)
+    done = CliRunner().invoke(main, shlex.split(command))
+    assert done.exit_code == 0, done.output
     name = command.split(":")[1].split()[0]
-    assert len([line for line in printed.splitlines() if line.startswith(f"{name} ")]) == 3
+    assert len([line for line in done.stdout.splitlines() if line.startswith(f"{name} ")]) == 3
 
 
 def test_a_folder_with_one_mesh_is_a_class_to_test_on(tmp_path):
@@ -187,32 +203,32 @@ def test_a_folder_with_one_mesh_is_a_class_to_test_on(tmp_path):
     assert len(samples) == 2 and aside.empty
 
 
-def test_stable_baselines_trains_on_it(home, tmp_path):
-    code = code_after(ALGORITHMS, "## Stable-Baselines3").replace(
-        "make_sb3_env(32", "make_sb3_env(4"
-    )
-    printed = run(shortened(code, 64) + "\nprint(model.num_timesteps)", tmp_path, home)
-    assert printed == "64\n"
+def test_stable_baselines_trains_on_it(here):
+    code = code_after(ALGORITHMS, "## Stable-Baselines3").replace("env(32", "env(4")
+    assert here(shortened(code, 64))["model"].num_timesteps == 64
 
 
-def test_masked_ppo_and_qr_dqn_of_sb3_contrib_train_on_it(home, tmp_path):
-    for number, steps in enumerate((64, 40)):
-        code = code_after(ALGORITHMS, "## sb3-contrib", number)
-        code = shortened(code, steps) + "\nprint(model.num_timesteps)"
-        if "def choose" in code:
-            code += "\nprint(env.unwrapped.action_space.contains(choose(*env.reset(seed=1))))"
-        printed = run(code, tmp_path, home)
-        assert printed.split() == [str(steps), "True"][: number + 1]
+def test_masked_ppo_of_sb3_contrib_trains_on_it(here):
+    done = here(shortened(code_after(ALGORITHMS, "## sb3-contrib"), 64))
+    assert done["model"].num_timesteps == 64
+    done["env"].reset(seed=0)
+    assert done["worth_a_try"](done["env"]).sum() == 36 + 7
 
 
-def test_a_loop_of_one_s_own_trains_on_it(home, tmp_path):
+def test_qr_dqn_of_sb3_contrib_trains_on_it_and_its_function_acts(here):
+    done = here(shortened(code_after(ALGORITHMS, "## sb3-contrib", 1), 40))
+    assert done["model"].num_timesteps == 40
+    action = done["choose"](*done["env"].reset(seed=1))
+    assert done["env"].unwrapped.action_space.contains(np.array(action))
+
+
+def test_a_loop_of_one_s_own_trains_on_it(here, capsys):
     code = code_after(ALGORITHMS, "## A loop of one's own")
-    assert "UPDATES, RAYS = 500, 10" in code
-    code = code.replace("UPDATES, RAYS = 500", "UPDATES, RAYS = 2").replace(
-        "num_envs=32", "num_envs=4"
-    )
-    printed = run("import warnings; warnings.simplefilter('ignore')\n" + code, tmp_path, home)
-    assert re.fullmatch(r"0: -?\d+\.\d points an episode\n", printed)
+    for written, short in (("UPDATES, RAYS = 500", "UPDATES, RAYS = 2"), ("envs=32", "envs=4")):
+        assert written in code
+        code = code.replace(written, short)
+    here(code)
+    assert re.fullmatch(r"0: -?\d+\.\d points an episode\n", capsys.readouterr().out)
 
 
 def shortened(code: str, steps: int) -> str:
