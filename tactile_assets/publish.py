@@ -2,8 +2,8 @@
 
 Copies the tables and figures of the stored assets to docs/results/NAME, with the command,
 commit, machine and time that made them. `tactile publish` alone only writes anew
-the page of every published run, and the README's results from docs/results/study, or
-docs/results/laptop where that is not there; a test holds both to it.
+the page and Figures 4 and 5 of every published run, and the README's results from
+docs/results/study, or docs/results/laptop where that is not there; a test holds all to it.
 """
 
 import json
@@ -26,6 +26,7 @@ from tactile_core.files import read_table
 
 RESULTS = REPOSITORY / "docs" / "results"
 README = REPOSITORY / "README.md"
+CURVES = (("per_step", "step", "figure_4.png"), ("per_grasp", "grasp", "figure_5.png"))
 BEGIN, END = "<!-- results: tactile publish -->", "<!-- end of results -->"
 
 
@@ -104,6 +105,17 @@ def shown_run(results: Path = RESULTS) -> Path:
     return study if study.is_dir() else results / "laptop"
 
 
+def draw_curves(folder: Path) -> None:
+    """Figures 4 and 5 of a published run, from the curves that it published."""
+    from tactile_core.figures.curves import policy_curves
+    from tactile_core.figures.style import png
+
+    for name, index, figure in CURVES:
+        if (folder / figure).exists():
+            curve = pd.read_csv(folder / f"{name}_curve.csv")
+            (folder / figure).write_bytes(png(policy_curves(curve, index)))
+
+
 def with_results(readme: str, results: str) -> str:
     """The README with the section between the two marks replaced."""
     before, _, rest = readme.partition(BEGIN)
@@ -118,5 +130,6 @@ def main(name: str | None, note: str | None) -> None:
     if name:
         publish(name, note)
     for run in sorted(RESULTS.glob("*/run.json")):
+        draw_curves(run.parent)
         (run.parent / "README.md").write_text(page(run.parent))
     README.write_text(with_results(README.read_text(), readme_part(shown_run())))

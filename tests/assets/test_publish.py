@@ -3,8 +3,10 @@ import re
 import shutil
 
 import dagster as dg
+import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 from tactile_assets.pages import how_it_was_made, page, readme_part
 from tactile_assets.publish import (
@@ -13,6 +15,7 @@ from tactile_assets.publish import (
     README,
     RESULTS,
     command,
+    draw_curves,
     publish,
     shown_run,
     with_results,
@@ -38,6 +41,16 @@ def test_every_published_run_has_a_page_with_its_tables_and_pictures(run):
     assert set(re.findall(r"\]\((.*)\)", written)) == {
         file.name for file in run.iterdir() if file.suffix in (".png", ".gif")
     }
+
+
+@pytest.mark.parametrize("run", PUBLISHED, ids=lambda run: run.name)
+def test_published_figures_are_drawn_from_the_published_curves(run, tmp_path):
+    drawn = shutil.copytree(run, tmp_path / run.name)
+    draw_curves(drawn)
+    for figure in ("figure_4.png", "figure_5.png"):
+        if (run / figure).exists():
+            pixels = [np.asarray(Image.open(folder / figure)) for folder in (run, drawn)]
+            assert np.array_equal(*pixels), "run: tactile publish"
 
 
 def test_the_readme_shows_the_study_where_one_is_published_and_else_the_laptops_run(tmp_path):
