@@ -1,10 +1,11 @@
 """Memory and time of the data set's assets against the number of models.
 
-    python -m benchmarks.speed_size --models 1000 4000 --resolution 64
+    python -m benchmarks.speed_size --models 1000 4000 --resolution 64 --times 13
 
 Bodies of revolution are generated in ShapeNet's layout and go through the assets one by one, with
 their checks, each in a process of its own; and a training is opened on them, up to its first batch.
-It goes on where it was killed. `build/size` receives
+`--times` repeats the rotated masks of the last size, moved by some pixels, so that what comes after
+them is measured on more than there is time to render. It goes on where it was killed. `build/size` receives
 
 - size.csv: resolution, models, stage, seconds, processor seconds, peak memory of all processes
   together (MB), stored (MB); as drawn in size.png
@@ -41,6 +42,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--models", type=int, nargs="+", default=[1000, 4000])
     parser.add_argument("--resolution", type=int, default=64)
+    parser.add_argument("--times", type=int, help="repeat the last size's masks so often")
     parser.add_argument("--to", type=Path, metavar="FOLDER", help="where the results are written")
     options = parser.parse_args()
     folder = (options.to or REPOSITORY / "build" / "size").resolve()
@@ -52,13 +54,21 @@ def main() -> None:
 
     start = time.perf_counter()
     rows = pd.read_csv(table).to_dict("records") if table.exists() else []
-    for models in options.models:
+    sizes = [(models, (*STAGES, OPENED)) for models in options.models]
+    if options.times:
+        few = folder / f"home-{options.resolution}-{options.models[-1]}"
+        many = options.models[-1] * options.times
+        repeat(few, folder / f"home-{options.resolution}-{many}", options.times)
+        sizes.append((many, ("outlines", "tactile_samples", OPENED)))
+    for models, stages in sizes:
         home = folder / f"home-{options.resolution}-{models}"
-        source = source_of(folder / f"source-{models}", models)
-        for stage in (*STAGES, OPENED):
+        source = folder / f"source-{models}"
+        for stage in stages:
             size = {"resolution": options.resolution, "models": models, "stage": stage}
             if any(size.items() <= row.items() for row in rows):
                 continue
+            if stage == STAGES[0]:
+                make_source(source, models)
             work = work_of(stage, options.resolution, home, source)
             rows.append(size | measured(work, home))
             print(rows[-1], flush=True)
@@ -72,7 +82,7 @@ def main() -> None:
             file.write(data)
 
 
-def source_of(folder: Path, models: int) -> Path:
+def make_source(folder: Path, models: int) -> None:
     """A folder with an archive of so many different meshes, as ShapeNet has them."""
     archive = folder / f"{SYNSET}.zip"
     if not archive.exists():
@@ -80,7 +90,30 @@ def source_of(folder: Path, models: int) -> Path:
             for number in range(models):
                 name = f"{SYNSET}/{number:032x}/models/model_normalized.obj"
                 packed.writestr(name, body(np.random.default_rng(number)))
-    return folder
+
+
+def repeat(few: Path, many: Path, times: int) -> None:
+    """The rotated masks of one home `times` over in another, each time moved by other pixels."""
+    from tactile_core.dataset.rendering.pictures import decoded, encode_mask
+    from tactile_core.files import read_table, write_table
+
+    target = many / "artifacts" / "rotated_splits.parquet"
+    if target.exists():
+        return
+    table = read_table(few / "artifacts" / "rotated_splits.parquet")
+    copies = []
+    for number in range(times):
+        masks = [
+            encode_mask(moved(mask, *divmod(number, 4)))
+            for some in decoded(table["mask"])
+            for mask in some
+        ]
+        names = {
+            name: table[name] + f"-{number}"
+            for name in ("sample_id", "model_id", "copy_of", "content_hash", "geometry")
+        }
+        copies.append(table.assign(**names, mask=pd.Series(masks, dtype=object)))
+    write_table(pd.concat(copies, ignore_index=True), target)
 
 
 def body(rng: np.random.Generator) -> str:
@@ -97,6 +130,14 @@ def body(rng: np.random.Generator) -> str:
             low, high = ring * AROUND + 1, (ring + 1) * AROUND + 1
             lines.append(f"f {low + one} {low + other} {high + other} {high + one}")
     return "\n".join(lines) + "\n"
+
+
+def moved(mask: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """A mask (R, R) some pixels further, where it keeps within the middle half."""
+    inside = slice(len(mask) // 4, len(mask) - len(mask) // 4)
+    other = np.zeros_like(mask)
+    other[inside, inside] = np.roll(mask, (rows, columns), axis=(0, 1))[inside, inside]
+    return other
 
 
 def work_of(stage: str, resolution: int, home: Path, source: Path) -> Callable[[], None]:

@@ -38,6 +38,18 @@ def sample_touches(
     return table.reset_index(drop=True).assign(set=sets, touches=pd.Series(touches, dtype=object))
 
 
+def differ_and_lie_on(touches: np.ndarray, outline: np.ndarray) -> bool:
+    """Whether touches (k, 2) are all different, and pixels of an outline (K, 2)."""
+    numbers = pixel_numbers(as_points(touches))
+    on_it = np.isin(numbers, pixel_numbers(as_points(outline)))
+    return bool(on_it.all()) and len(np.unique(numbers)) == len(numbers)
+
+
+def pixel_numbers(points: np.ndarray) -> np.ndarray:
+    """A number (k,) for each of (k, 2) int16 points, the same for the same pixel."""
+    return points[:, 0].astype(np.int32) * 2**16 + points[:, 1]
+
+
 def rasterise_touches(touches: Sequence[np.ndarray], resolution: int) -> np.ndarray:
     """N sets of (k, 2) touches as (N, R, R) bool images, True where a touch is."""
     images = np.zeros((len(touches), resolution, resolution), dtype=bool)

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes, as_points
+from tactile_core.dataset.touches import pixel_numbers
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 from tactile_core.reconstruction.batches import TouchSource, touch_images
@@ -21,17 +22,12 @@ def touch_sets_of(
     indices = np.array([index[sample] for sample in rows["sample_id"]], int)
     sets = [as_points(touches) for touches in rows["touches"]]
     for number, touches in zip(indices, sets, strict=True):
-        if not np.isin(pixels(touches), pixels(shapes.outlines[number])).all():
+        if not np.isin(pixel_numbers(touches), pixel_numbers(shapes.outlines[number])).all():
             raise TactileError(
                 f"touches of {shapes.sample_ids[number]} lie off its outline: materialise "
                 "tactile_samples again"
             )
     return indices, sets
-
-
-def pixels(points: np.ndarray) -> np.ndarray:
-    """A number (k,) for each of (k, 2) int16 points."""
-    return points[:, 0].astype(np.int32) * 2**16 + points[:, 1]
 
 
 def stored_touches(shapes: Shapes, tactile_samples: pd.DataFrame) -> TouchSource:
