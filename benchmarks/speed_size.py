@@ -5,7 +5,9 @@
 Bodies of revolution are generated in ShapeNet's layout and go through the assets one by one, with
 their checks, each in a process of its own; and a training is opened on them, up to its first batch.
 `--times` repeats the rotated masks of the last size, moved by some pixels, so that what comes after
-them is measured on more than there is time to render. It goes on where it was killed. `build/size` receives
+them is measured on more than there is time to render. It goes on where it was killed.
+
+`build/size` receives
 
 - size.csv: resolution, models, stage, seconds, processor seconds, peak memory of all processes
   together (MB), stored (MB); as drawn in size.png
