@@ -56,7 +56,7 @@ def main() -> None:
 
     start = time.perf_counter()
     rows = pd.read_csv(table).to_dict("records") if table.exists() else []
-    sizes = [(models, (*STAGES, OPENED)) for models in options.models]
+    sizes: list[tuple[int, tuple[str, ...]]] = [(n, (*STAGES, OPENED)) for n in options.models]
     if options.times:
         few = folder / f"home-{options.resolution}-{options.models[-1]}"
         many = options.models[-1] * options.times
