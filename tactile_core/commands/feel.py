@@ -1,6 +1,7 @@
 """`tactile feel THING`: a policy feels out anything, and shows what it found after each ray."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,12 +65,13 @@ def feel(thing: str, name: str, rays: int, seed: int, out: Path, as_json: bool) 
         policy, found.mask, reconstructor, rays, seed, lambda ray, cast: say(row(ray, cast))
     )
     with written_whole(out) as file:
-        file.write(rollout_gif(rollout))
+        file.write(rollout_gif(replace(rollout, category=found.category)))
     if as_json:
         click.echo(json.dumps(told(rollout, thing, found.said, known, artifacts, out), indent=2))
     else:
         touches = len({tuple(touch) for touch in rollout.touches if touch[0] >= 0})
-        say(f"\n{touches} touches, Jaccard {rollout.jaccard[-1]:.1f}. {out} shows it.")
+        held = "1 touch" if touches == 1 else f"{touches} touches"
+        say(f"\n{held}, Jaccard {rollout.jaccard[-1]:.1f}. {out} shows it.")
 
 
 def row(ray: int, cast: "Cast") -> str:

@@ -26,11 +26,13 @@ class Thing(NamedTuple):
     mask : (R, R) bool
     said : what it is and what was done to it, in words
     geometry : of its mesh, see `geometry_hash`; None where it has none
+    category : the class that it was generated for; empty where it was not
     """
 
     mask: np.ndarray
     said: str
     geometry: str | None = None
+    category: str = ""
 
 
 def find_thing(name: str, resolution: int, seed: int = 0) -> Thing:
@@ -80,7 +82,7 @@ def generated_thing(category: str, resolution: int, seed: int) -> Thing:
     mesh = GENERATORS[category](generator(seed, f"{category} to feel"))
     rotation = float(generator(seed, f"{category} to feel, turned").uniform(0, 360))
     said = f"a generated {category} (seed {seed}), turned by {rotation:.0f}°"
-    return seen(mesh, rotation, resolution, said)
+    return seen(mesh, rotation, resolution, said)._replace(category=category)
 
 
 def seen(mesh: trimesh.Trimesh, rotation: float, resolution: int, said: str) -> Thing:
