@@ -24,7 +24,8 @@ class Provenance(Settings):
     """Where the weights come from.
 
     made : the run that trained them: its command, commit, profile, machine and date
-    jaccard : policy → Jaccard index (0–100) after each of ten rays, mean over the test shapes
+    jaccard : policy → Jaccard index (0–100) after each of ten rays, mean over one sample of each
+        test model
     sha256 : of every other file, by its path
     """
 
