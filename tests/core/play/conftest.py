@@ -2,15 +2,14 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page
 
-expect.set_options(timeout=20_000)  # milliseconds, for machines that do much else
+from tests.browser import browser_page
 
 
 @pytest.fixture(scope="module")
@@ -34,15 +33,9 @@ def address(tmp_path_factory) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        if "CI" in os.environ:
-            pytest.fail("there is no chromium: .ci/run installs it")
-        pytest.skip("there is no chromium (Debian: apt install chromium)")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield browser
-        browser.close()
+    with browser_page() as page:
+        assert page.context.browser is not None
+        yield page.context.browser
 
 
 @pytest.fixture
