@@ -29,7 +29,7 @@ def serve(materials: Materials, port: int, ready: Callable[[str], None]) -> None
     workers = Workers()
     makers = hiding_places(materials.shapes, materials.resolution)
 
-    @ui.page("/", title="Tactile play")
+    @ui.page("/", title="Tactile play", response_timeout=60)
     async def page() -> None:
         ui.add_css(STYLE.read_text())
         ui.colors(primary="#0072b2", accent="#7b2d8b")

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Page
 
-from tests.browser import browser_page
+from tests.browser import PATIENCE, browser_page
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +42,7 @@ def browser() -> Iterator[Browser]:
 def page(browser, address) -> Iterator[Page]:
     """A game that has begun; nothing but this machine is asked, and no script fails."""
     page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(PATIENCE)
     asked: list[str] = []
     failed: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
