@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
 WIDTH, HEIGHT = 1440, 1000
-PATIENCE = 60_000  # milliseconds: a page may be slow on a busy machine
+PATIENCE = 120_000  # milliseconds: a page may be slow on a busy machine
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Response, expect
 
 from tactile_assets.paths import REPOSITORY
 from tests.assets.running import ALL, plain
@@ -136,6 +136,12 @@ def configure(page: Page, pages: dict[str, str], ops: str) -> None:
 
 def test_an_asset_is_materialised_to_its_end(page, pages):
     page.goto(f"{pages['site']}{ASSETS}/outlines")
-    page.get_by_role("button", name=re.compile("Materialize$")).click()
-    page.get_by_role("link", name="View", exact=True).click()
-    expect(page.get_by_text("Success").first).to_be_visible(timeout=240_000)
+    with page.expect_response(launches_a_run) as answer:
+        page.get_by_role("button", name=re.compile("Materialize$")).click()
+    run = answer.value.json()["data"]["launchPipelineExecution"]["run"]["id"]
+    page.goto(f"{pages['site']}/runs/{run}")
+    expect(page.get_by_text("Success").first).to_be_visible()
+
+
+def launches_a_run(response: Response) -> bool:
+    return "LaunchPipelineExecution" in (response.request.post_data or "")
