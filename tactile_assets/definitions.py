@@ -13,11 +13,14 @@ shapenet_meshes → masks → rotated_splits → outlines → tactile_samples
 Where the profile practises, practice_rays stand between unet_search and unet, which reads them.
 Where TACTILE_REAL names real meshes, both evaluations are made on those as well: real_shapes,
 real_rollouts, real_per_step_evaluation, real_per_grasp_evaluation.
+Where the profile has ideal observers and the meshes are generated, what can be attained is told:
+believed_shapes, attainable_rollouts, attainable_evaluation.
 """
 
 import dagster as dg
 
 from tactile_assets import (
+    attainable,
     automation,
     checks,
     console,
@@ -62,6 +65,7 @@ ASSETS = [
     evaluation.rollouts,
     evaluation.per_step_evaluation,
     evaluation.per_grasp_evaluation,
+    *(attainable.ASSETS if PROFILE.attainable else []),
     *(real.ASSETS if PROFILE.real else []),
 ]
 

@@ -21,6 +21,7 @@ IN_README = {
     "reconstruction": "Reconstruction (Table II)",
     "per_step": HEADINGS["per_step"],
     "per_grasp": HEADINGS["per_grasp"],
+    "attainable": HEADINGS["attainable"],
 }
 TABLES = IN_README | {
     "per_step_comparison": f"Compared, per step: {COMPARED}",

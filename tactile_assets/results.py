@@ -19,6 +19,7 @@ from tactile_core.files import read_table
 HEADINGS = {
     "per_step": "Per step: Jaccard index after each ray (Figure 4)",
     "per_grasp": "Per grasp: Jaccard index at each touch (Figure 5)",
+    "attainable": "Per step, beside the ideal observers on the same samples",
     "real_per_step": "Per step, on real meshes",
     "real_per_grasp": "Per grasp, on real meshes",
 }
@@ -53,13 +54,15 @@ def main() -> None:
 
 
 def stored_evaluations(store: Store) -> dict[str, pd.DataFrame]:
-    """The rollouts "per_step" and "per_grasp"; and, where TACTILE_REAL is set and both of those
-    evaluations are stored, "real_per_step" and "real_per_grasp"."""
+    """The rollouts "per_step" and "per_grasp"; "attainable", where the profile has ideal observers
+    and that is stored; and, where TACTILE_REAL is set and both of those evaluations are stored,
+    "real_per_step" and "real_per_grasp"."""
     files = {name: store.path(f"{name}_evaluation.parquet") for name in HEADINGS}
     real = [name for name in files if name.startswith("real_")]
-    if not (PROFILE.real and all(files[name].exists() for name in real)):
-        for name in real:
-            del files[name]
+    for names, wanted in ((real, PROFILE.real), (["attainable"], PROFILE.attainable)):
+        if not (wanted and all(files[name].exists() for name in names)):
+            for name in names:
+                del files[name]
     return {name: read_table(file) for name, file in files.items()}
 
 

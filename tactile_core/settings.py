@@ -391,10 +391,17 @@ class Profile(Settings):
     policies: PolicySettings = PolicySettings()
     rollouts: RolloutSettings = RolloutSettings()
     observer: ObserverSettings | None = Field(
-        None, description="What `attainable_rollouts` is made with; without it there is none."
+        None,
+        description="What `attainable_rollouts` is made with; without it, and where the meshes "
+        "are not generated, there is no such asset.",
     )
     per_step: EvaluationSettings = EvaluationSettings(choice="likeliest")
     per_grasp: EvaluationSettings = EvaluationSettings()
+
+    @property
+    def attainable(self) -> bool:
+        """Whether ideal observers are asked: where as many shapes as they like can be generated."""
+        return self.observer is not None and self.meshes.location is None
 
 
 # Four short epochs favour nets that learn fast and end poor: none of those is offered.
@@ -444,6 +451,7 @@ PROFILES = {
         unet=UNetSettings(epochs=60, patience=20, free_space=True, known_shapes=True),
         policies=PolicySettings(seeds=[0, 1, 2]),
         rollouts=RolloutSettings(choices=["drawn"]),
+        observer=ObserverSettings(),
         per_step=EvaluationSettings(),
     ),
     # Every value the report's own wherever two cores can bear it; docs/report.md has the rest.

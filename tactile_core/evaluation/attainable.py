@@ -1,6 +1,7 @@
 """What can be attained: the ideal observers on some of the test shapes, beside all policies."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -25,18 +26,19 @@ def cast_observers(
     settings: ObserverSettings,
     previous: pd.DataFrame | None = None,
     progress: Callable[[str], None] = lambda message: None,
+    work: Path | None = None,
 ) -> pd.DataFrame:
     """Ten rays of each ideal observer on one sample of each of `settings.samples` test models.
 
     belief : (n, R, R) bool, shapes of the distribution that the test shapes are of
     scorer : proposes rays to the observer that looks ahead, which is left out without it
-    previous, and the columns of what is returned : as in `cast_rollouts`
+    previous, work, and the columns of what is returned : as in `cast_rollouts`
     """
     known = KnownShapes(belief)
     observers = [IdealObserver(known), *([IdealObserver(known, scorer)] if scorer else [])]
     rays = RolloutSettings(references=[], count=RAYS, ray_limit=RAYS, seed=settings.seed)
     some = one_of_each(test, settings.samples)
-    return cast_rollouts(observers, some, unet, rays, previous, progress)
+    return cast_rollouts(observers, some, unet, rays, previous, progress, work=work)
 
 
 def one_of_each(test: Shapes, count: int) -> Shapes:

@@ -11,7 +11,13 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from tactile_core.evaluation.statistics import BARS, mean_curve, summarise_grasps, summarise_steps
+from tactile_core.evaluation.statistics import (
+    BARS,
+    OBSERVERS,
+    mean_curve,
+    summarise_grasps,
+    summarise_steps,
+)
 
 REPORT_TABLE_I = {"batch_size": 4, "learning_rate": 2.074e-5, "depth": 6, "channels": 128}
 REPORT_TABLE_II = {  # split → loss, Jaccard index
@@ -96,7 +102,7 @@ def policy_rows(curve: pd.DataFrame, summary: pd.DataFrame, index: str) -> pd.Da
         row["mean"] = around(*quantity(policy, "mean"))
         row[f"gap at {last}"] = around_percent(*quantity(policy, "last_gap"))
         row["gap, mean"] = around_percent(*quantity(policy, "mean_gap"))
-        if not summary["mean_attained"].isna().all():
+        if set(OBSERVERS) & set(summary["policy"]):
             row[f"attained at {last}"] = around_percent(*quantity(policy, "last_attained"))
             row["attained, mean"] = around_percent(*quantity(policy, "mean_attained"))
         rows.append(row)

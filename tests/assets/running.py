@@ -158,3 +158,14 @@ def run_whole_chain(command: str, home: Path) -> subprocess.CompletedProcess:
     done = shell(f"{command} -c {config}", home)
     assert done.returncode == 0, done.stdout + done.stderr
     return done
+
+
+def in_study(code: str, *arguments: str):
+    """What a process of the profile `study` prints last, as JSON."""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=REPOSITORY, env={**os.environ, "TACTILE_PROFILE": "study"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])

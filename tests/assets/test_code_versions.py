@@ -110,7 +110,7 @@ def test_all_code_that_an_asset_runs_counts():
         [sys.executable, "-c", COUNTED], env=everything, capture_output=True, text=True, check=True
     )
     counted = json.loads(done.stdout.splitlines()[-1])
-    assert {"practice_rays", "real_shapes", *SPECS} <= set(counted)
+    assert {"practice_rays", "attainable_rollouts", "real_shapes", *SPECS} <= set(counted)
     for asset, modules in counted.items():
         run = {module for module in run_by(asset) if module.startswith("tactile_core.")}
         assert {module for module in run if not module.startswith(SHOWN)} <= set(modules), asset

@@ -1,17 +1,13 @@
 """`practice_rays`: an asset of its own where the profile practises, and nowhere else."""
 
-import json
-import os
 import shutil
-import subprocess
-import sys
 
 from tactile_assets.definitions import defs
-from tactile_assets.paths import REPOSITORY
 from tactile_core.dataset.shapes import load_shapes
 from tactile_core.exploration.practice.ray_touches import practised
 from tactile_core.exploration.world.rays import RAYS
 from tactile_core.files import read_table
+from tests.assets.running import in_study
 
 UPSTREAM = """
 import json
@@ -50,23 +46,13 @@ print(json.dumps({"refused": refused, "same": first == again, "read": first != f
 """
 
 
-def in_study(code: str, *arguments: str):
-    """What a process of the profile `study` prints last, as JSON."""
-    done = subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        cwd=REPOSITORY, env={**os.environ, "TACTILE_PROFILE": "study"},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
-
-
 def test_practice_stands_before_the_unet_where_the_profile_practises():
     upstream = in_study(UPSTREAM)
     assert upstream["practice_rays"] == ["outlines", "rotated_splits", "unet_search"]
     assert "practice_rays" in upstream["unet"]
     smoke = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_specs()}
-    assert set(upstream) - set(smoke) == {"practice_rays"}
+    observers = {"believed_shapes", "attainable_rollouts", "attainable_evaluation"}
+    assert set(upstream) - set(smoke) == {"practice_rays", *observers}
     assert "practice_rays" not in {dep.asset_key.to_user_string() for dep in smoke["unet"].deps}
 
 
