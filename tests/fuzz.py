@@ -80,13 +80,15 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as folder:
-        outcomes = [fuzzed(door, options.each, options.seed) for door in doors(Path(folder))]
-    table = pd.DataFrame(outcomes).assign(faults=[len(one.faults) for one in outcomes])
-    print(table.to_markdown(index=False) if options.each else "")
-    for outcome in outcomes:
-        print(*outcome.faults[:5], sep="\n")
-    print(f"{int(table[['results', 'sentences', 'faults']].to_numpy().sum())} inputs")
-    sys.exit(int(table["faults"].sum() > 0))
+        outcomes = []
+        for door in doors(Path(folder)):
+            outcome = fuzzed(door, options.each, options.seed)
+            outcomes.append(outcome)
+            faults = len(outcome.faults)
+            said = f"{outcome.results} results, {outcome.sentences} sentences, {faults} faults"
+            print(f"{door.name}: {said}", *outcome.faults[:5], sep="\n  ", flush=True)
+    print(f"{options.each * len(outcomes)} inputs at {len(outcomes)} doors")
+    sys.exit(any(outcome.faults for outcome in outcomes))
 
 
 def fuzzed(door: Door, each: int, seed: int) -> Outcome:
