@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -106,7 +107,6 @@ def day(tmp_path_factory) -> Iterator[Day]:
             put((site / "2.zip").read_bytes())
             shutil.copy(site / "2.zip", site / "bottle.zip")
             (site / "mug" / "b.obj").write_bytes(obj(2))
-            instance.report_runless_asset_event(dg.AssetMaterialization("policies"))
             until(lambda: succeeded(instance, "tactile/changed"))
             until(lambda: succeeded(instance, "dagster/schedule_name"))
             until(
@@ -155,6 +155,14 @@ def dead_run(instance: dg.DagsterInstance) -> str:
         process.kill()
     run = instance.create_run_for_job(nothing, status=DagsterRunStatus.STARTED, tags=tags)
     return run.run_id
+
+
+def evaluated(instance: dg.DagsterInstance) -> bool:
+    """Whether an evaluation has followed new policies. If not, there are newer ones: what came
+    before the daemon's first look, or while a run was under way, is not followed."""
+    instance.report_runless_asset_event(dg.AssetMaterialization("policies"))
+    time.sleep(3)
+    return succeeded(instance, "dagster/from_automation_condition")
 
 
 def without_more(instance: dg.DagsterInstance) -> bool:
