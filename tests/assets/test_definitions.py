@@ -59,7 +59,7 @@ def test_every_asset_says_what_it_is(asset):
 
 
 def test_loading_the_definitions_imports_nothing_heavy():
-    heavy = ("torch", "ray", "numba", "matplotlib", "scipy", "skimage", "trimesh", "gymnasium")
+    heavy = ("torch", "ray", "numba", "matplotlib", "scipy", "skimage", "trimesh")
     code = (
         f"import sys, tactile_assets.definitions; print([m for m in {heavy} if m in sys.modules])"
     )

@@ -21,7 +21,7 @@ def test_each_command_has_the_name_of_its_module_and_a_line_of_help():
 
 
 def test_help_lists_every_command_and_loads_nothing_heavy():
-    heavy = ["torch", "dagster", "ray", "numba", "matplotlib", "gymnasium", "pandas"]
+    heavy = ["torch", "dagster", "ray", "numba", "matplotlib", "pandas"]
     code = (
         "import sys; from tactile_core.commands import main;"
         "main(['--help'], standalone_mode=False);"

@@ -31,7 +31,7 @@ from tests.core.dataset.mesh_files import (
 
 BAD = {
     "empty": (b"", "has no faces"),
-    "nan": (obj() + b"v nan 0 0\n", "has a vertex that is not a finite number"),
+    "nan": (obj() + b"v nan 0 0\nf -1 1 2\n", "has a vertex that is not a finite number"),
     "flat": (b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", "has no extent"),
     "cut": (obj()[:-3], "has a face with fewer than three numbers (is the file cut off?)"),
     "wild": (obj() + b"f 1 2 999\n", "has a face with a vertex that does not exist (of 18)"),

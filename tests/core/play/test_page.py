@@ -51,7 +51,7 @@ def test_a_whole_game_against_a_policy_with_the_mouse(page):
         drag(page, 2.4 * number)
         expect(page.locator(".said")).to_contain_text(re.compile(rf"^Ray {number} "))
     expect(page.locator(".said")).to_contain_text(
-        re.compile(r"It was \w+ \d of the test split\. You reached [\d.]+, recall [\d.]+: ")
+        re.compile(r"It was \w+ \d+ of the test split\. You reached [\d.]+, recall [\d.]+: ")
     )
     assert signs(page, "you", "truth") == signs(page, "opponent", "truth") == 2
     assert page.locator(".opponent .title").inner_text() == "recall"
