@@ -1,6 +1,7 @@
 """A real daemon, for a while: what runs by itself does."""
 
 import json
+import os
 import shutil
 import subprocess
 import time
@@ -20,6 +21,11 @@ from tactile_assets.runs import tags_of
 from tactile_core.processes import Worker
 from tests.assets.running import Platform, begin, nothing, until
 from tests.core.dataset.mesh_files import make_zip, obj
+
+pytestmark = pytest.mark.skipif(
+    not os.environ.get("TACTILE_TESTS_DAEMON"),
+    reason="takes minutes of a machine of its own: set TACTILE_TESTS_DAEMON=1",
+)
 
 SUCCESS = dg.RunsFilter(statuses=[DagsterRunStatus.SUCCESS])
 
