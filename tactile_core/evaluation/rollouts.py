@@ -14,7 +14,7 @@ from tactile_core.errors import TactileError
 from tactile_core.evaluation.casting import Casting, cast_one
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.references import REFERENCES, find_reference
-from tactile_core.keys import work_key
+from tactile_core.keys import CORE, work_key
 from tactile_core.machine import processors
 from tactile_core.progress import SECONDS_BETWEEN_WORDS, teller
 from tactile_core.reconstruction.inference import Reconstructor
@@ -122,8 +122,7 @@ def rollout_key(
 ) -> str:
     """The key of all that the rollouts of a policy by a choice depend on."""
     return work_key(
-        "evaluation.rollouts",
-        "exploration.policies.store",
+        *code_behind(policy),
         settings=settings.model_dump(include={"count", "ray_limit"}),
         seed=settings.seed,
         policy=f"{policy.name}-{policy.seed}-{policy.version}",
@@ -132,6 +131,13 @@ def rollout_key(
         runs=reconstructor.runs,
         shapes=test.version,
     )
+
+
+def code_behind(policy: Policy) -> list[str]:
+    """The modules of the core that cast a policy's rays, that of its own class among them."""
+    modules = ["evaluation.rollouts", "exploration.policies.store"]
+    package, _, own = type(policy).__module__.partition(".")
+    return [*modules, own] if package == CORE else modules
 
 
 def summary(casting: Casting, table: pd.DataFrame, settings: RolloutSettings) -> str:

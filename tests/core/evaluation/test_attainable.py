@@ -4,10 +4,12 @@ import pytest
 
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.attainable import attainable_reading, cast_observers, one_of_each
-from tactile_core.evaluation.rollouts import cast_rollouts
+from tactile_core.evaluation.rollouts import cast_rollouts, code_behind
 from tactile_core.evaluation.statistics import summarise_steps
 from tactile_core.exploration.policies import observer
 from tactile_core.exploration.policies.scorer import RayScorer
+from tactile_core.keys import closure
+from tactile_core.reconstruction.known_shapes import KnownShapes
 from tactile_core.settings import EvaluationSettings, ObserverSettings, RolloutSettings
 
 SETTINGS = ObserverSettings(samples=2)
@@ -59,3 +61,8 @@ def test_rollouts_on_other_samples_are_told(observed, rollouts):
     lacking = rollouts[rollouts["sample_id"] != observed["sample_id"].iloc[0]]
     with pytest.raises(TactileError, match="materialise attainable_rollouts again"):
         attainable_reading(observed, lacking, READ)
+
+
+def test_rays_of_an_observer_are_cast_anew_where_its_code_changes(shapes):
+    policy = observer.IdealObserver(KnownShapes(shapes["train"].masks[:1]))
+    assert observer.__name__ in closure(tuple(code_behind(policy)))
