@@ -79,16 +79,8 @@ def begin(command: str, home: Path, **variables: str) -> subprocess.Popen:
 
 
 def environment(home: Path, **variables: str) -> dict[str, str]:
-    binaries = Path(sys.executable).parent
-    return {
-        "PATH": f"{binaries}:/usr/local/bin:/usr/bin:/bin",
-        "HOME": os.environ["HOME"],
-        # Only the folder above it counts; the tests may run in an environment elsewhere.
-        "VIRTUAL_ENV": str(REPOSITORY / "tests"),
-        "TACTILE_HOME": str(home),
-        "TACTILE_PROFILE": "smoke",
-        **variables,
-    }
+    """The same in the profile `smoke`, unless `variables` name another."""
+    return plain(home, **{"TACTILE_PROFILE": "smoke", **variables})
 
 
 def until(condition: Callable[[], object]) -> None:
