@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from urllib.parse import parse_qsl, urlsplit
 
-from tactile_core.errors import TactileError
+from tactile_core.errors import ODD, TactileError, spelt
 
 HTTP = ("http://", "https://")
 # The second form is of a password with a slash or the like, which should have been encoded.
@@ -21,6 +21,20 @@ SECRET_FIELD = re.compile(
     r"sig|token|key|pass|pwd|secret|cred|auth|policy|session|jwt|access", re.IGNORECASE
 )
 LONG = 20  # letters: what stands in a query and is as long may be a secret under any name
+
+
+def checked(address: str) -> str:
+    """The address itself; raises `TactileError` where it can be none, whatever lies there."""
+    if letter := ODD.search(address):
+        raise TactileError(
+            f"{shown(spelt(address))} has {letter[0]!r} in it, which no address holds: correct it"
+        )
+    try:
+        if "://" in address:
+            urlsplit(address)
+    except ValueError:  # it may name user and password
+        raise TactileError(f"{shown(address)} is no address: correct it") from None
+    return address
 
 
 def shown(address: str) -> str:
@@ -45,17 +59,20 @@ def holds_secret(address: str) -> bool:
 
 def setting_of(variable: str, environ: Mapping[str, str] = os.environ) -> str | None:
     """The address in a variable as a setting: `$NAME` where it holds more than may be shown."""
-    address = environ.get(variable) or None
+    try:
+        address = checked(environ.get(variable) or "") or None
+    except TactileError as error:
+        raise TactileError(f"{variable}: {error}") from None
     return f"${variable}" if address and shown(address) != address else address
 
 
 def full(setting: str) -> str:
     """The address that a setting stands for.
 
-    Raises `TactileError` where the setting itself holds a secret, or names a variable that is
-    not set.
+    Raises `TactileError` where the setting itself holds a secret, names a variable that is not
+    set, or is no address.
     """
-    if holds_secret(setting):
+    if holds_secret(checked(setting)):
         raise TactileError(
             f"the settings hold {shown(setting)} with its password or signature, which would be "
             "stored with the run: put the whole address into an environment variable, such as "
@@ -66,7 +83,7 @@ def full(setting: str) -> str:
     address = os.environ.get(setting[1:])
     if not address:
         raise TactileError(f"the settings name {setting}, and this variable is not set: set it")
-    return address
+    return checked(address)
 
 
 def _user(match: re.Match[str]) -> str:

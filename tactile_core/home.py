@@ -12,13 +12,13 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from tactile_core.addresses import holds_secret, shown
-from tactile_core.errors import TactileError
+from tactile_core.addresses import checked, holds_secret, shown
+from tactile_core.errors import ODD, TactileError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 LAST_PROFILE = "profile"  # file in the home: the name of the last run's profile
 # Dagster opens its database by an address: there these begin a query, or stand for another letter.
-UNUSABLE = re.compile(r"\?|%[0-9A-Fa-f]{2}|[\0-\x1f\x7f]")
+UNUSABLE = re.compile(rf"\?|%[0-9A-Fa-f]{{2}}|{ODD.pattern}")
 
 
 def find_home(environ: Mapping[str, str] = os.environ) -> Path:
@@ -62,10 +62,11 @@ def remembered_profile(environ: Mapping[str, str] = os.environ) -> str | None:
 def find_artifacts(environ: Mapping[str, str] = os.environ) -> str:
     """Folder or fsspec URL that holds what the assets store: `TACTILE_STORE`, else in the home.
 
-    Raises `TactileError` where it holds a password, which every message about a file would show.
+    Raises `TactileError` where it is no address, or holds a password, which every message about a
+    file would show.
     """
     store = environ.get("TACTILE_STORE")
-    if store and holds_secret(store):
+    if store and holds_secret(checked(store)):
         scheme = store.partition("://")[0].upper()
         raise TactileError(
             f"TACTILE_STORE={shown(store)} holds a password or signature, which would be stored "

@@ -10,9 +10,9 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from tactile_core.addresses import redacted, setting_of
+from tactile_core.addresses import checked, redacted, setting_of
 from tactile_core.errors import TactileError
 from tactile_core.home import remembered_profile
 
@@ -39,6 +39,7 @@ MOST_HELD_OUT = 0.8  # of all models, for eval and test
 
 Choice = Literal["likeliest", "drawn"]
 CHOICES: tuple[str, ...] = get_args(Choice)
+Address = Annotated[str, AfterValidator(checked)]
 Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Rate = Annotated[float, Field(gt=0, le=1)]
 # A batch of one cannot be normalised at the U-Net's deepest level, where one pixel may be left.
@@ -57,9 +58,10 @@ class Settings(BaseModel):
 def problems(error: ValidationError) -> str:
     """What is wrong with settings, on one line that names each field and the value it was given."""
     said = "; ".join(
-        f"{'.'.join(map(str, problem['loc']))}{given(problem)}: {problem['msg']}"
-        if problem["loc"]
-        else problem["msg"].removeprefix("Value error, ")  # of several fields, which it names
+        ("{}{}: " if problem["loc"] else "").format(  # nowhere: of several fields, which it names
+            ".".join(map(str, problem["loc"])), given(problem)
+        )
+        + problem["msg"].removeprefix("Value error, ")
         for problem in error.errors()
     )
     return redacted(said)
@@ -80,13 +82,13 @@ def once_each(name: str, values: Sequence[Any]) -> None:
 class MeshSettings(Settings):
     """Where the 3D models come from (report, section IV)."""
 
-    location: str | None = Field(
+    location: Address | None = Field(
         None,
         description="Folder or http(s)/fsspec URL that holds <synset>.zip, <synset>/ or "
         "<class>/ for each class; empty: meshes are generated. $NAME: the address in that "
         "variable, where it holds a password or signature.",
     )
-    classes: dict[str, str] | None = Field(
+    classes: dict[str, Address] | None = Field(
         None,
         min_length=1,
         description="Class name → ShapeNet synset, or the URL of its archive (or $NAME, likewise). "
@@ -376,7 +378,7 @@ class Profile(Settings):
     """The settings of all stages for one kind of machine."""
 
     name: str
-    real: str | None = Field(
+    real: Address | None = Field(
         None, description="Folder or URL of real meshes to evaluate on besides, as `location`."
     )
     meshes: MeshSettings = MeshSettings()

@@ -18,7 +18,7 @@ from upath import UPath
 from tactile_core.addresses import full
 from tactile_core.dataset.geometry import geometry_hash
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
-from tactile_core.dataset.sources.archives import one_line, read_member, safe_members
+from tactile_core.dataset.sources.archives import one_line, path_of, read_member, safe_members
 from tactile_core.dataset.sources.folders import as_local, as_path, read_file, walk
 from tactile_core.dataset.sources.layouts import (
     SUFFIXES,
@@ -35,7 +35,7 @@ from tactile_core.dataset.sources.places import (
     open_place,
     with_classes,
 )
-from tactile_core.errors import TactileError
+from tactile_core.errors import TactileError, spelt
 from tactile_core.files import content_hash, written_whole
 from tactile_core.progress import counted
 from tactile_core.settings import MeshSettings
@@ -173,14 +173,16 @@ def _models_at(
         )
         members = safe_members(archive, SUFFIXES)
         readers = {name: partial(read_member, archive, info) for name, info in members.items()}
-        everything = archive.namelist()
+        everything = [path_of(member) for member in archive.infolist()]
     try:
         models, left_out = find_models(readers, place.category, place.synset, source, everything)
     except TactileError as error:
         raise TactileError(f"class {place.category!r}: {place} {error}") from error
     if place.folder is not None:
         models += [_closed(name, why, place) for name, why in odd.items() if name.endswith("/")]
-    said = "; ".join(f"{len(names)} {why} (as {names[0]})" for why, names in left_out.items())
+    said = "; ".join(
+        f"{len(names)} {why} (as {spelt(names[0])})" for why, names in left_out.items()
+    )
     if not models:
         raise TactileError(
             f"class {place.category!r}: {place} holds no mesh; looked for <id>/model.obj, "

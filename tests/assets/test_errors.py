@@ -35,6 +35,10 @@ WRONG = [
         {"approaches": ["tottal"]},
         f"{PLACE}policies:config:approaches[0]",
     ),
+    ("shapenet_meshes", {"location": "/data/\0"}, "location = '/data/\\x00': /data/\\x00 has"),
+    ("shapenet_meshes", {"location": "http://[x/"}, "http://[x/ is no address"),
+    ("shapenet_meshes", {"classes": {"mug": "/data/\0.zip"}}, "classes.mug = '/data/\\x00.zip': "),
+    ("shapenet_meshes", {"location": "/data/\ud800"}, "location = '/data/\\ud800': "),
     ("policies", {"batch_size": 300}, BATCHES),
     ("policies", {"seeds": [0, 0]}, "seeds names 0 twice"),
     ("policies", {"learning_rate": 2.0}, RATE),
@@ -58,7 +62,7 @@ def test_run_config_that_is_wrong_is_refused_before_there_is_a_run(platform, ass
     assert not (platform.home / "artifacts").exists()
 
 
-@pytest.mark.parametrize(("asset", "config", "reason"), [WRONG[0], WRONG[4]])
+@pytest.mark.parametrize(("asset", "config", "reason"), [WRONG[0], WRONG[1], WRONG[8]])
 def test_the_command_says_it_in_one_line(tmp_path, asset, config, reason):
     config = json.dumps({"ops": {asset: {"config": config}}})
     done = shell(f"dagster asset materialize --select '*' --config-json '{config}'", tmp_path)

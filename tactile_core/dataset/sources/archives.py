@@ -56,7 +56,7 @@ def open_archive(path: Path, name: str | None = None) -> zipfile.ZipFile:
 def safe_members(archive: zipfile.ZipFile, suffixes: Collection[str]) -> dict[str, zipfile.ZipInfo]:
     """The members that end in one of `suffixes` (lower case), by path and sorted by it.
 
-    Backslashes, as some programs for Windows write them, part folders as slashes do. Raises
+    Raises
     `TactileError` for the whole archive where any member's path leads out of the folder it would
     be unpacked in, or is a link, and where one of the members asked for packs too well, or all
     of them unpack to more than the limit.
@@ -64,7 +64,7 @@ def safe_members(archive: zipfile.ZipFile, suffixes: Collection[str]) -> dict[st
     total = 0
     wanted = {}
     for member in archive.infolist():
-        path = member.filename.replace("\\", "/")
+        path = path_of(member)
         problem = _path_problem(path) or _kind_problem(member)
         is_mesh = PurePosixPath(path).suffix.lower() in suffixes and not path.endswith("/")
         if is_mesh and problem is None:
@@ -74,10 +74,18 @@ def safe_members(archive: zipfile.ZipFile, suffixes: Collection[str]) -> dict[st
             wanted[path] = member
         if problem:
             raise TactileError(
-                f"{archive.filename} is refused: member {member.filename[:80]!r} {problem}; "
+                f"{archive.filename} is refused: member {member.orig_filename[:80]!r} {problem}; "
                 "get the archive from a source that you trust"
             )
     return dict(sorted(wanted.items()))
+
+
+def path_of(member: zipfile.ZipInfo) -> str:
+    """A member's path as it stands in the archive, with slashes for the backslashes of Windows.
+
+    What `zipfile` calls its name ends at the first zero byte, so that a mesh may seem to be none.
+    """
+    return member.orig_filename.replace("\\", "/")
 
 
 def read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:

@@ -13,25 +13,25 @@ from upath import UPath
 
 from tactile_core.addresses import shown
 from tactile_core.dataset.sources.archives import MAX_FILE, one_line, read_pieces, too_large
-from tactile_core.errors import TactileError
+from tactile_core.errors import TactileError, spelt
 
 
 class Listing(NamedTuple):
     """What lies below a folder, each by its relative path and sorted by it."""
 
     files: dict[str, dict]  # length and time or ETag, as fsspec has it
-    left_out: dict[str, str]  # why it is not read; the path of a folder ends in a slash
+    left_out: dict[str, str]  # why it is not read; on one line, that of a folder ends in a slash
 
 
 def as_path(address: str) -> UPath:
     """A local path or fsspec URL, whose file system forgets what it knew of its folders.
 
-    Raises `TactileError` where that file system is not installed.
+    Raises `TactileError` where that file system is not installed, or cannot be reached so.
     """
     try:
         path = UPath(address) if "://" in address else UPath(address).expanduser()
         path.fs.invalidate_cache()  # else an object store answers from its first listing
-    except (ImportError, ValueError, RuntimeError) as error:
+    except Exception as error:  # every fsspec file system has errors of its own
         raise TactileError(f"{shown(address)} cannot be opened: {one_line(error)}") from None
     return path
 
@@ -80,12 +80,10 @@ def _walk_local(top: Path) -> Listing:
     inside = os.path.realpath(top)
 
     def relative(path: str | Path) -> str:
-        """A path below `top`; what is not UTF-8 in it is spelt out."""
-        name = Path(path).relative_to(top).as_posix()
-        return name.encode(errors="backslashreplace").decode()
+        return Path(path).relative_to(top).as_posix()
 
     def unreadable(error: OSError) -> None:
-        left_out[f"{relative(error.filename)}/"] = f"cannot be read ({error.strerror})"
+        left_out[f"{spelt(relative(error.filename))}/"] = f"cannot be read ({error.strerror})"
 
     for here, folders, names in os.walk(top, followlinks=True, onerror=unreadable):
         if os.path.realpath(here) in visited:
@@ -96,12 +94,12 @@ def _walk_local(top: Path) -> Listing:
         for name in [*folders]:
             if _leads_out(Path(here, name), inside):
                 folders.remove(name)
-                left_out[f"{relative(Path(here, name))}/"] = OUT
+                left_out[f"{spelt(relative(Path(here, name)))}/"] = OUT
         for name in names:
             path = Path(here, name)
             problem, info = _look_at(path, inside)
             if problem:
-                left_out[relative(path)] = problem
+                left_out[spelt(relative(path))] = problem
             else:
                 files[relative(path)] = info
     return Listing(dict(sorted(files.items())), dict(sorted(left_out.items())))

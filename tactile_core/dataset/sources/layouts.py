@@ -7,12 +7,12 @@ the same object. Every other mesh file is a model, and its name is its id.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
-from tactile_core.errors import TactileError
+from tactile_core.errors import ODD, TactileError
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 SHAPENET_FILES = ("model_normalized.obj", "model.obj")  # v2, v1; v2 where a model has both
@@ -52,23 +52,32 @@ def find_models(
     category: str,
     synset: str,
     source: str,
-    others: Iterable[str] = (),
+    others: Collection[str] = (),
 ) -> Found:
     """The models among the files of one class, given as relative path → how to read it.
 
-    others : paths of files that are not meshes, which may tell why there are so few
+    others : paths of all files, be they meshes or not, which may tell why there are so few; an
+        archive may hold one several times, of which the last is read
 
     Hidden files are none. Raises `TactileError` where there are several synsets, or another than
     that of the class: none is taken for the class in silence.
     """
     everything = {name: PurePosixPath(name).parts for name in sorted({*readers, *others})}
     everything = {name: parts for name, parts in everything.items() if not _hidden(parts)}
-    parts = {n: p for n, p in everything.items() if n in readers and _ends(n, SUFFIXES)}
+    odd = [name for name in everything if ODD.search(name)]
+    parts = {
+        n: p for n, p in everything.items() if n in readers and _ends(n, SUFFIXES) and n not in odd
+    }
+    again = [name for name, times in Counter(others).items() for _ in range(1, times)]
     left_out = {
         "archives inside, which are not opened: unpack them": ARCHIVES,
         f"of formats that are not read; those that are: {', '.join(SUFFIXES)}": OTHER_FORMATS,
     }
     found = {why: [n for n in everything if _ends(n, ends)] for why, ends in left_out.items()}
+    found["with letters in their names that no line takes: rename them"] = odd
+    found["of a name that comes again, and is read where it comes last"] = [
+        name for name in again if name in parts
+    ]
     own = _of_synset(parts, synset)
     if strange := [name for name in parts if name not in own]:
         found["of other synsets"] = strange

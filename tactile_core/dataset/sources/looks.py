@@ -1,5 +1,6 @@
 """What a file is that should be a zip archive and is none: told by its first and last bytes."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 BEGINNINGS = {
@@ -12,7 +13,8 @@ BEGINNINGS = {
 }
 PAGE = (b"<!doctype html", b"<html", b"<head", b"<!--", b"<script")
 DIRECTORY = b"PK\x05\x06"  # begins the record at the end of every zip archive
-LONGEST_END = 22 + (1 << 16)  # bytes: that record with its comment
+END = 22  # bytes of that record, without the comment that may follow
+LONGEST_END = END + (1 << 16)
 FETCH = "get the archive itself, whole"
 
 
@@ -31,12 +33,31 @@ def what_it_is(path: Path) -> str | None:
         raise
     except OSError as error:
         return f"cannot be read ({error.strerror}): look at its permissions"
-    _, found, end = tail.rpartition(DIRECTORY)
-    if found:
-        disk = int.from_bytes(end[:2], "little")
-        several = disk not in (0, 0xFFFF)  # the latter where the archive is longer than 4 GiB
-        return f"is the last of {disk + 1} parts of a zip archive: join them" if several else None
-    return _kind(head, size)
+    last = tail.rfind(DIRECTORY)
+    if last < 0:
+        return _kind(head, size)
+    if any(_ends_at(tail, place) for place in _places(tail) if place < last):
+        return (
+            "is a zip archive whose comment holds the mark by which an archive's end is found: "
+            "take the comment out, as zip -z does"
+        )
+    disk = int.from_bytes(tail[last + 4 : last + 6], "little")
+    several = disk not in (0, 0xFFFF)  # the latter where the archive is longer than 4 GiB
+    return f"is the last of {disk + 1} parts of a zip archive: join them" if several else None
+
+
+def _places(tail: bytes) -> Iterator[int]:
+    """Where the mark of an archive's end stands."""
+    place = tail.find(DIRECTORY)
+    while place >= 0:
+        yield place
+        place = tail.find(DIRECTORY, place + 1)
+
+
+def _ends_at(tail: bytes, place: int) -> bool:
+    """Whether the record at `place` and its comment end where the file does."""
+    record = tail[place : place + END]
+    return len(tail) == place + END + int.from_bytes(record[END - 2 :], "little")
 
 
 def _kind(head: bytes, size: int) -> str:

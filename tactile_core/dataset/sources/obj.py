@@ -1,9 +1,9 @@
 """Wavefront OBJ: positions and faces, nothing else.
 
 Silhouettes need neither normals, texture coordinates nor materials. Leaving them out reads
-files as ShapeNet's about twice as fast as `trimesh` does. And three things that it reads
+files as ShapeNet's about twice as fast as `trimesh` does. And four things that it reads
 without a word, but wrongly, are right here: relative indices count from where they stand,
-an index of 0 is an error, and so is a face that breaks off.
+an index of 0 is an error, so is a face that breaks off, and statements in capitals are read.
 """
 
 import codecs
@@ -25,9 +25,10 @@ from tactile_core.errors import TactileError
 
 # MSVC writes numbers that are none as 1.#QNAN, and there # begins no comment.
 COMMENT = re.compile(rb"#(?:(?<!\d\.#)|(?!QNAN|SNAN|IND|INF))[^\n]*")
-CONTINUED = re.compile(rb"^ *[vf](?=[ \\])(?:[^\n]*\\\n)+", flags=re.MULTILINE)
+CONTINUED = re.compile(rb"^ *[vVfF](?=[ \\])(?:[^\n]*\\\n)+", flags=re.MULTILINE)
 # Statements that hold geometry of other kinds: free-form surfaces, other files, and old patches.
 UNREAD = (b"surf", b"call", b"fo", b"bsp", b"bzp", b"cdc", b"cdp")
+SMALL = 0x20  # the bit by which small letters differ from capitals
 UNREAD_BEGIN = [word[0] << 8 | word[1] for word in UNREAD]
 
 
@@ -40,7 +41,7 @@ def read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     """
     text = as_ascii(data).removesuffix(b"\0")
     vertices, faces, read_so_far = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
-    if b"f" not in text:  # whatever else there is
+    if b"f" not in text and b"F" not in text:  # whatever else there is
         return vertices[0], faces[0]
     for piece in portions(text):
         piece_vertices, piece_faces = _read_portion(piece, read_so_far)
@@ -60,8 +61,8 @@ def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray
     begins = np.concatenate([[0], ends[:-1] + 1])
     _check_statements(letters, begins)
     spaced = letters[np.minimum(begins + 1, ends)] <= SPACE  # a letter alone is a line, too
-    vertex_lines = spaced & (letters[begins] == ord("v"))
-    face_lines = spaced & (letters[begins] == ord("f"))
+    vertex_lines = spaced & (letters[begins] | SMALL == ord("v"))
+    face_lines = spaced & (letters[begins] | SMALL == ord("f"))
     letters[begins] = SPACE  # what is left of these lines is numbers
     lengths = ends + 1 - begins
 
@@ -104,12 +105,11 @@ def _letters(text: bytes) -> np.ndarray:
 
 
 def _check_statements(letters: np.ndarray, begins: np.ndarray) -> None:
-    begin = (
-        letters[begins].astype(np.uint16) << 8 | letters[np.minimum(begins + 1, len(letters) - 1)]
-    )
+    small = letters | SMALL
+    begin = small[begins].astype(np.uint16) << 8 | small[np.minimum(begins + 1, len(letters) - 1)]
     for place in begins[np.isin(begin, UNREAD_BEGIN)]:
         word = letters[place : place + 5].tobytes().split(b" ")[0]
-        if word in UNREAD:
+        if word.lower() in UNREAD:
             raise TactileError(f"has the statement {word.decode()!r}, which is not read")
 
 
@@ -120,7 +120,7 @@ def _check_last_line(text: bytes) -> None:
     corner that has fewer parts than the first one tell that the rest is missing.
     """
     last = COMMENT.sub(b"", text[text.rfind(b"\n") + 1 :]).split()
-    if not last or last[0] != b"f":
+    if not last or last[0].lower() != b"f":
         return
     if len(last) < 4:
         raise TactileError("has a face with fewer than three numbers (is the file cut off?)")

@@ -5,6 +5,7 @@ from array import array
 
 import numpy as np
 
+from tactile_core.dataset.sources.elements import Element, Property, by_words
 from tactile_core.dataset.sources.polygons import check_number, fans
 from tactile_core.dataset.sources.text import as_ascii, gathered, rows, starts, whole
 from tactile_core.errors import TactileError
@@ -29,29 +30,60 @@ def read_off(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     if header[5] == b"n":
         raise TactileError("is an nOFF, of any number of dimensions, which is not read")
     body = data[header.end() :]
+    flags = tuple(bool(part) for part in header.groups()[:4])
     if header[6]:
-        vertices, faces = _binary(body, header)
+        vertices, faces = _binary(body, flags)
     else:
-        vertices, faces = _text(COMMENT.sub(b"", body), bool(header[4]))
+        vertices, faces = _text(COMMENT.sub(b"", body), flags)
     if header[4]:  # homogeneous
         with np.errstate(divide="ignore", invalid="ignore"):
             vertices = vertices / vertices[:, 3:]
     return vertices[:, :3], faces
 
 
-def _text(body: bytes, homogeneous: bool) -> tuple[np.ndarray, np.ndarray]:
+def _text(body: bytes, flags: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Each vertex and face has a line of its own and, where that does not go up, all the numbers
+    that it needs."""
     counts, values = rows(body, "line")
-    if not len(counts) or counts[0] < 2:
+    if counts.sum() < 2:
         raise TactileError("cannot be read as OFF (its header has no number of vertices and faces)")
-    begins = starts(counts)
     announced, faces_announced = (int(count) for count in values[:2])
     _check_announced(announced, faces_announced)
-    check_number(min(faces_announced, len(counts)))
-    at, there = begins[1 : announced + 1], counts[1 : announced + 1]
+    texture, colour, normal, homogeneous = flags
     width = 3 + homogeneous
+    full = width + 3 * normal + 4 * colour + 2 * texture
+    try:
+        return _by_lines(counts, values, announced, faces_announced, width)
+    except TactileError as error:
+        head = counts[0] if counts[0] in (2, 3) else 3
+        kept = head == counts[0] and (len(counts) < 2 or width <= counts[1] < 2 * full)
+        for number in (full, full - 1) if colour else (full,):  # with or without transparency
+            elements = [
+                Element("vertex", announced, [Property(str(k), "f8", None) for k in range(number)]),
+                Element("face", faces_announced, [Property("corners", "i4", "i4")]),
+            ]
+            try:
+                table = by_words(values[head:], elements)
+            except TactileError as other:
+                error = error if kept else other
+                continue
+            corners = table["face"]["corners"]
+            vertices = np.stack([table["vertex"][str(k)].values for k in range(width)], axis=1)
+            return vertices, fans(corners.counts, whole(corners.values))
+        raise error from None
+
+
+def _by_lines(
+    counts: np.ndarray, values: np.ndarray, announced: int, faces_announced: int, width: int
+) -> tuple[np.ndarray, np.ndarray]:
+    if counts[0] not in (2, 3):
+        raise TactileError("cannot be read as OFF (its header has no number of vertices and faces)")
+    check_number(min(faces_announced, len(counts)))
+    begins = starts(counts)
+    at, there = begins[1 : announced + 1], counts[1 : announced + 1]
     broken = np.flatnonzero(there < width)
     if len(broken) and 1 + broken[0] + 1 < len(counts):
-        raise TactileError(f"has a vertex with fewer than {width} numbers")
+        raise TactileError(f"has a vertex with fewer than {width} numbers on its line")
     if len(at) - len(broken) < announced:
         raise _missing(len(at) - len(broken), announced, "vertices")
     vertices = values[at[:, None] + np.arange(width)]
@@ -61,17 +93,19 @@ def _text(body: bytes, homogeneous: bool) -> tuple[np.ndarray, np.ndarray]:
     corners = whole(values[at])  # colours may follow
     broken = np.flatnonzero((corners < 0) | (corners >= there))
     if len(broken) and announced + 1 + broken[0] + 1 < len(counts):
-        raise TactileError("has a face with fewer corners than it announces")
+        raise TactileError("has a face with fewer corners on its line than it announces")
     if len(at) - len(broken) < faces_announced:
         raise _missing(len(at) - len(broken), faces_announced, "faces")
+    if more := len(counts) - last:
+        raise TactileError(f"has {more} lines more than its header announces")
     return vertices, fans(corners, whole(gathered(values, at + 1, corners)))
 
 
-def _binary(body: bytes, header: re.Match[bytes]) -> tuple[np.ndarray, np.ndarray]:
+def _binary(body: bytes, flags: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Big-endian: three counts, the vertices as floats, each face with its colours after it."""
     announced, faces_announced, _ = (int(count) for count in np.frombuffer(body, ">i4", 3))
     _check_announced(announced, faces_announced)
-    texture, colour, normal, homogeneous = (bool(part) for part in header.groups()[:4])
+    texture, colour, normal, homogeneous = flags
     width = 3 + homogeneous + 3 * normal + 4 * colour + 2 * texture
     at = 12
     there = min(announced, (len(body) - at) // (4 * width))

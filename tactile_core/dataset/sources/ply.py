@@ -2,10 +2,19 @@
 
 import re
 from array import array
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
+from tactile_core.dataset.sources.elements import (
+    WHAT,
+    Column,
+    Element,
+    Property,
+    Table,
+    by_words,
+    missing,
+)
 from tactile_core.dataset.sources.polygons import check_number, fans, strips
 from tactile_core.dataset.sources.text import as_ascii, gathered, rows, starts, whole
 from tactile_core.errors import TactileError
@@ -20,26 +29,6 @@ BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">
 CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
 END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(?:\r\n|\r|\n|$)")
 LONGEST_HEADER = 4 << 20  # bytes
-WHAT = {"vertex": "vertices", "face": "faces", "tristrips": "strips"}
-
-
-class Property(NamedTuple):
-    name: str
-    type: str  # of numpy, as f4
-    count_type: str | None  # of a list: what its length is written as
-
-
-class Element(NamedTuple):
-    name: str
-    number: int
-    properties: list[Property]
-
-
-class Column(NamedTuple):
-    """A property's values: `counts` (n,) of each row, 1 where it is no list, and all in one row."""
-
-    counts: np.ndarray
-    values: np.ndarray
 
 
 def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
@@ -77,7 +66,7 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
             if len(corners.counts):
                 faces.append(triangles(corners.counts, whole(corners.values)))
     known = {"vertex", "face", "tristrips", "edge"}
-    lists = [e.name for e in elements if any(p.count_type for p in e.properties)]
+    lists = [e.name for e in elements if e.lists]
     others = [name for name in lists if name not in known]
     if others and not sum(map(len, faces)):
         raise TactileError(f"has no faces (and elements that are not read: {', '.join(others)})")
@@ -124,15 +113,25 @@ def _integer(name: str) -> str:
     return TYPES[name]
 
 
-def _missing(element: Element, there: int) -> TactileError:
-    what = WHAT.get(element.name, f"rows of {element.name}")
-    return TactileError(f"has {there} of {element.number} {what}: it is cut off")
-
-
-def _text_columns(
-    body: bytes, byte_order: str, elements: list[Element]
-) -> dict[str, dict[str, Column]]:
+def _text_columns(body: bytes, byte_order: str, elements: list[Element]) -> Table:
+    """A row has a line of its own and, where that does not go up, all the numbers it needs."""
     counts, values = rows(body, "line")
+    try:
+        return _by_lines(counts, values, elements)
+    except TactileError as error:
+        try:
+            return by_words(values, elements)
+        except TactileError as other:
+            raise (error if _keeps_to_lines(counts, elements) else other) from None
+
+
+def _keeps_to_lines(counts: np.ndarray, elements: list[Element]) -> bool:
+    """Whether the first row stands on its line, alone: then so should the others."""
+    first = next((element for element in elements if element.number and element.properties), None)
+    return first is None or first.lists or not len(counts) or counts[0] == len(first.properties)
+
+
+def _by_lines(counts: np.ndarray, values: np.ndarray, elements: list[Element]) -> Table:
     begins = starts(counts)
     table = {}
     line = 0
@@ -147,21 +146,23 @@ def _text_columns(
                 at = at + 1
             broken = np.flatnonzero((at + lengths > ends) | (lengths < 0))
             if len(broken) and line + broken[0] + 1 == len(counts):
-                raise _missing(element, int(broken[0]))
+                raise missing(element, int(broken[0]))
             if len(broken):
-                raise TactileError(f"has a {element.name} with fewer numbers than it announces")
+                raise TactileError(
+                    f"has a {element.name} with fewer numbers on its line than it announces"
+                )
             columns[name] = Column(lengths, gathered(values, at, lengths))
             at = at + lengths
         if len(ends) < last - line:
-            raise _missing(element, len(ends))
+            raise missing(element, len(ends))
         line = last
         table[element.name] = columns
+    if more := len(counts) - line:
+        raise TactileError(f"has {more} lines more than its header announces")
     return table
 
 
-def _binary_columns(
-    body: bytes, byte_order: str, elements: list[Element]
-) -> dict[str, dict[str, Column]]:
+def _binary_columns(body: bytes, byte_order: str, elements: list[Element]) -> Table:
     table = {}
     at = 0
     for element in elements:
@@ -188,7 +189,7 @@ def _alike_rows(
         if count_type is not None:
             field = np.dtype(byte_order + count_type)
             if at + size + field.itemsize > len(body):
-                raise _missing(element, 0)
+                raise missing(element, 0)
             length = int(np.frombuffer(body, field, 1, at + size)[0])
             fields.append((f"count {number}", field))
             size += field.itemsize
@@ -206,9 +207,9 @@ def _alike_rows(
         counts = np.full(there, values.shape[1], dtype=np.int64)
         columns[name] = Column(counts, values.reshape(-1))
     if there < element.number:
-        if any(p.count_type for p in element.properties):
+        if element.lists:
             return None  # later rows may be shorter
-        raise _missing(element, there)
+        raise missing(element, there)
     return columns, at + size * there
 
 
@@ -234,7 +235,7 @@ def _other_rows(
             lengths.append(length)
             at += kind.itemsize * length
             if length < 0 or at > len(body):
-                raise _missing(element, row)
+                raise missing(element, row)
     columns = {}
     octets = np.frombuffer(body, dtype=np.uint8)
     for (name, *_), (kind, _), column in zip(element.properties, kinds, found, strict=True):

@@ -5,13 +5,18 @@ import re
 import numpy as np
 
 from tactile_core.dataset.sources.polygons import check_number
-from tactile_core.dataset.sources.text import as_ascii, numbers, portions
+from tactile_core.dataset.sources.text import as_ascii, numbers, portions, rows
 from tactile_core.errors import TactileError
 
 HEADER, RECORD = 84, 50  # bytes: 80 of text and the number of faces; a normal, corners, a colour
 UNCOUNTED = (0, 0xFFFFFFFF)  # as programs leave it that write faces as they come
 FACET = re.compile(rb"(?im)^ *facet\b")
 VERTEX = re.compile(rb"(?im)^ *vertex +([^\n]*)")
+# Wherever lines end. The name of a solid may have the same words in it, but no numbers after them.
+NUMBER = rb"\s+(?:[-+.\d]|nan|inf)\S*"
+FACET_WORDS = re.compile(rb"(?i)\bfacet\s+normal(?:%b){3}" % NUMBER)
+VERTEX_WORDS = re.compile(rb"(?i)\bvertex((?:%b){3})" % NUMBER)
+END_WORDS = re.compile(rb"(?i)\bend ?solid\b(?![\s\S]*\b(?:facet\s+normal|vertex)%b)" % NUMBER)
 FACET_ANYWHERE = re.compile(rb"(?i)\bfacet\s+normal\b")
 # A note may follow, but no further solid.
 END = re.compile(
@@ -45,25 +50,40 @@ def _announced(data: bytes) -> int:
 
 
 def _text(text: bytes) -> np.ndarray:
-    """The corners (3 F, 3) of all solids."""
+    """The corners (3 F, 3) of all solids, wherever their lines end."""
+    facets, corners, problem = _by_lines(text)
+    in_words = max(facets, len(FACET_WORDS.findall(text)))
+    if problem is None and len(corners) == 3 * in_words and in_words == facets:
+        if END.search(text[-1000:]) is None:
+            raise TactileError(f"has {facets} faces and no end: it is cut off")
+        return corners
+    vertices = [match[1] for match in VERTEX_WORDS.finditer(text)]
+    if END_WORDS.search(text[-1000:]) is None:
+        raise TactileError(f"has {len(vertices) // 3} faces and no end: it is cut off")
+    if len(vertices) != 3 * in_words:
+        raise problem or TactileError(
+            f"has {len(vertices)} vertices for {in_words} faces, not three for each"
+        )
+    return rows(b"\n".join(vertices), "vertex")[1].reshape(-1, 3)
+
+
+def _by_lines(text: bytes) -> tuple[int, np.ndarray, TactileError | None]:
+    """How many facets begin a line, the corners (3 F, 3) that do, and what is wrong with them."""
     facets = 0
     vertices = [np.empty((0, 3))]
     for piece in portions(text):
         facets += len(FACET.findall(piece))
         lines = b"\n".join(VERTEX.findall(piece))
         if lines:
-            counts, values = numbers(lines, "vertex")
-            if (counts[:-1] < 3).any():
-                raise TactileError("has a vertex with fewer than three numbers")
+            try:
+                counts, values = numbers(lines, "vertex")
+            except TactileError as error:
+                return facets, vertices[0], error
             if (counts != 3).any():
-                break  # in the last line; that the file is cut off shows below
+                problem = TactileError("has a vertex with other than three numbers on its line")
+                return facets, vertices[0], problem
             vertices.append(values.reshape(-1, 3))
-    corners = np.concatenate(vertices)
-    if END.search(text[-1000:]) is None:
-        raise TactileError(f"has {len(corners) // 3} faces and no end: it is cut off")
-    if len(corners) != 3 * facets:
-        raise TactileError(f"has {len(corners)} vertices for {facets} faces, not three for each")
-    return corners
+    return facets, np.concatenate(vertices), None
 
 
 def _binary(data: bytes) -> np.ndarray:

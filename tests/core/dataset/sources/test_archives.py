@@ -256,6 +256,27 @@ def test_the_last_of_several_parts_is_called_so(tmp_path):
     assert "is the last of 3 parts of a zip archive: join them" in refusal(path)
 
 
+END = b"PK\x05\x06"
+
+
+@pytest.mark.parametrize("comment", [END, b"a" + END + bytes(18), b"x" * 40 + END + b"y" * 40])
+def test_a_comment_with_the_mark_of_an_archive_s_end_is_called_so(tmp_path, comment):
+    path = make_zip(tmp_path / "a.zip", {GOOD: b"v"})
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.comment = comment
+    assert "whose comment holds the mark by which an archive's end is found" in refusal(path)
+
+
+def test_a_comment_and_bytes_to_spare_do_no_harm(tmp_path):
+    path = make_zip(tmp_path / "a.zip", {GOOD: b"v"})
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.comment = b"made by hand"
+    for spare in (b"", b"\0", bytes(30)):
+        path.write_bytes(path.read_bytes() + spare)
+        with open_archive(path) as archive:
+            assert read(archive, GOOD) == b"v"
+
+
 def test_an_archive_in_the_long_format_is_read(tmp_path):
     path = tmp_path / "a.zip"
     with zipfile.ZipFile(path, "w") as archive, archive.open(GOOD, "w", force_zip64=True) as file:

@@ -105,6 +105,93 @@ def test_every_way_of_writing_a_body_gives_its_silhouette(name):
     np.testing.assert_array_equal(mask(data, suffix), WHOLE_MASK)
 
 
+def rearranged(data: bytes, lines: int, words: int) -> bytes:
+    """A text whose first `lines` stay and whose other words stand `words` to a line."""
+    *head, rest = data.split(b"\n", lines)
+    every = rest.split()
+    some = [b" ".join(every[k : k + words]) for k in range(0, len(every), words)]
+    return b"\n".join([*head, *some, b""])
+
+
+NORMALS = beside_vertices("NOFF\n24 14 0\n", b" 0 0 1")
+COLOURS = off().replace(b" 12\n", b" 12 255 0 0\n")
+VERTEX_LINES = {"ply": 9, "off": 2}  # lines before the first vertex
+TEXTS = {"ply": ply(), "off": off(), "text stl": text_stl(2)}
+
+
+@pytest.mark.parametrize("words", [1, 2, 6, 7, 8, 10_000])
+@pytest.mark.parametrize("name", TEXTS)
+def test_numbers_that_do_not_keep_to_lines_are_read(name, words):
+    """One vertex over several lines, several on one line, and faces likewise."""
+    data, suffix = TEXTS[name], f".{name.split()[-1]}"
+    data = rearranged(data, VERTEX_LINES.get(name, 0), words)
+    assert len(parse_mesh(data, suffix).faces) == len(TRIANGLES)
+    np.testing.assert_array_equal(mask(data, suffix), WHOLE_MASK)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        NORMALS.replace(b" 0 0 1\n", b"\n0 0 1\n"),  # their number of lines is right for none
+        rearranged(NORMALS, 2, 12),
+        rearranged(beside_vertices("COFF\n24 14 0\n", b" 1 0 0 1"), 2, 5),
+        rearranged(beside_vertices("COFF\n24 14 0\n", b" 255 0 0"), 2, 5),
+        rearranged(beside_vertices("ST4OFF\n24 14 0\n", b" 1 .5 .5"), 2, 5),
+        off("OFF\n24\n14\n0\n"),
+        off("OFF\n24 14 0 ").replace(b"\n", b" ", 20),
+    ],
+)
+def test_an_off_with_more_beside_its_vertices_need_not_keep_to_lines_either(data):
+    np.testing.assert_array_equal(mask(data, ".off"), WHOLE_MASK)
+
+
+def test_long_polygons_may_be_broken_into_lines():
+    for data, suffix in ((ply(), ".ply"), (off(), ".off")):
+        broken = data.replace(b"12 0 1 2 3 4", b"12 0 1 2 3 4\n")
+        np.testing.assert_array_equal(mask(broken, suffix), WHOLE_MASK)
+
+
+def test_other_columns_and_lists_of_a_ply_are_passed_over_wherever_their_lines_end():
+    header = ply_header("ascii", faces=2).replace("float x", "int id\nproperty double x")
+    header = header.replace("property list", "property uchar red\nproperty list")
+    header = header.replace("end_header", "property list uchar float texcoord\nend_header")
+    points = " ".join("7 {:.6f} {:.6f} {:.6f}".format(*point) for point in VERTICES)
+    vertices, faces = read_ply((header + points + " 9 3 0 1 2 2 .5 .5 9\n4 0 1 2 3 0").encode())
+    np.testing.assert_allclose(vertices, VERTICES, atol=1e-6)
+    assert faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
+
+
+ONE_LINE_STL = rearranged(text_stl(), 0, 10_000)
+
+
+@pytest.mark.parametrize(
+    ("data", "suffix", "why"),
+    [
+        (rearranged(ply(), 9, 6)[:-12], ".ply", "has 13 of 14 faces"),
+        (rearranged(ply(), 9, 2)[:300], ".ply", "of 24 vertices: it is cut off"),
+        (rearranged(ply() + b"3 0 1 2\n", 9, 6), ".ply", "has 4 numbers more than its header"),
+        (ply() + b"3 0 1 2\n", ".ply", "has 1 lines more than its header announces"),
+        (rearranged(off(), 2, 6)[:-12], ".off", "has 13 of 14 faces"),
+        (rearranged(off(), 2, 1)[:200], ".off", "of 24 vertices: it is cut off"),
+        (rearranged(off() + b"3 0 1 2\n", 2, 6), ".off", "has 4 numbers more than its header"),
+        (off() + b"3 0 1 2\n3 0 1 2\n", ".off", "has 2 lines more than its header announces"),
+        (off().replace(b"4 0 1 ", b"9 0 1 "), ".off", "fewer corners on its line"),
+        (ONE_LINE_STL[:-200], ".stl", "faces and no end: it is cut off"),
+        (ONE_LINE_STL.replace(b"facet normal", b"plane normal", 1), ".stl", "132 vertices for 43"),
+        (ONE_LINE_STL.replace(b"vertex 1", b"corner 1", 1), ".stl", "131 vertices for 44 faces"),
+    ],
+)
+def test_what_such_a_text_lacks_or_has_too_much_is_said(data, suffix, why):
+    assert why in refusal(data, suffix)
+
+
+def test_a_facet_on_one_line_among_others_is_not_passed_over():
+    lines = text_stl().split(b"\n")
+    first = b" ".join([lines[0], *lines[1:8]])  # behind the name of the solid
+    data = b"\n".join([first, *lines[8:]])
+    assert len(parse_mesh(data, ".stl").faces) == len(TRIANGLES)
+
+
 @pytest.mark.parametrize(
     ("data", "why"),
     [
@@ -122,7 +209,10 @@ def test_every_way_of_writing_a_body_gives_its_silhouette(name):
         (ply().replace(b"property float z\n", b"property float w\n"), "vertices without z"),
         (ply().replace(b"vertex_indices", b"corners"), "faces without vertex_indices"),
         (ply().replace(b"float x", b"complex x"), "a header line that is not known"),
-        (ply().replace(b"4 0 1", b"9 0 1"), "a face with fewer numbers than it announces"),
+        (
+            ply().replace(b"4 0 1", b"9 0 1"),
+            "a face with fewer numbers on its line than it announces",
+        ),
         (ply().replace(b"4 0 1", b"4 0 99"), "a vertex that does not exist"),
         (ply([]), "no faces"),
     ],
@@ -147,7 +237,7 @@ def test_a_binary_off_that_is_cut_off_says_how_much_there_is():
 def test_an_off_of_other_dimensions_or_without_counts_says_so():
     assert "nOFF" in refusal(off("nOFF\n3\n24 14 0\n"), ".off")
     assert "no number of vertices and faces" in refusal(b"OFF\n", ".off")
-    assert "vertex with fewer than 3 numbers" in refusal(
+    assert "vertex with fewer than 3 numbers on its line" in refusal(
         off().replace(b"0.866025 ", b"", 1), ".off"
     )
     assert "not a whole number" in refusal(off().replace(b"4 0 1 ", b"4 0 1.5 "), ".off")

@@ -1,9 +1,14 @@
 """ShapeNet's layouts and a user's own: which files are meshes, and what they are called."""
 
+import re
+from pathlib import Path
+
 import pytest
 import trimesh
+from upath import UPath
 
 from tactile_core.dataset.sources.parsing import load_mesh
+from tactile_core.files import content_hash
 from tests.core.dataset.mesh_files import (
     BOTTLE,
     MUG,
@@ -71,6 +76,62 @@ def test_a_users_own_folder_serves_every_kind_of_mesh(collect, root, tmp_path):
     assert manifest["faces"].tolist() == [12] * 5
     for file in manifest["file"]:
         assert load_mesh(root, file).extents.tolist() == pytest.approx([1 / 3**0.5] * 3)
+
+
+ZERO = "<zero>"
+
+
+def zip_with_names(path: Path, members: dict[str, bytes]) -> Path:
+    """A zip with zero bytes, which `zipfile` would not write, where a name has `ZERO`."""
+    make_zip(path, members)
+    path.write_bytes(path.read_bytes().replace(ZERO.encode(), bytes(len(ZERO))))
+    return path
+
+
+def test_a_zero_byte_in_a_member_s_name_leaves_it_out_by_name(collect, tmp_path):
+    """`zipfile` would end the names there: two meshes would be none, and a text would be one."""
+    odd = {f"{a}{ZERO}{b}": obj(2) for a, b in [("a", "b.obj"), ("c", "/d.obj"), ("e.obj", ".txt")]}
+    zip_with_names(tmp_path / f"source/{MUG}.zip", {f"{MUG}/good/{V2}": obj()} | odd)
+    manifest = collect()
+    assert manifest["model_id"].tolist() == ["good"]
+    held = manifest.attrs["sources"][0]
+    assert (held["taken"], held["left_out"]) == (1, 3)
+    assert "3 with letters in their names that no line takes" in held["which"]
+    assert f"a{6 * '\\\\x00'}b.obj" in held["which"]
+
+
+def test_where_every_name_has_a_zero_byte_the_archive_says_so(collect, tmp_path):
+    zip_with_names(tmp_path / f"source/{MUG}.zip", {f"{ZERO}.obj": obj(), f"b{ZERO}.obj": obj(2)})
+    message = refusal(collect)
+    assert "holds no mesh" in message
+    assert "2 with letters in their names that no line takes: rename them" in message
+
+
+@pytest.mark.parametrize("letter", ["\n", "\x1b", "\u2028", "\x7f"])
+def test_names_that_break_a_line_are_left_out_of_archives_and_folders_alike(
+    collect, tmp_path, letter
+):
+    files = {"good.obj": obj(), f"a{letter}b.obj": obj(2), f"c{letter}/d.obj": obj(3)}
+    make_folder(tmp_path / "folder/mug", files)
+    make_zip(tmp_path / f"archive/{MUG}.zip", files)
+    (tmp_path / "folder/mug" / f"out{letter}").symlink_to(tmp_path)
+    for source in ("folder", "archive"):
+        manifest = collect(location=tmp_path / source, root=UPath(tmp_path / f"of {source}"))
+        assert manifest.loc[manifest["status"] == "ok", "model_id"].tolist() == ["good"]
+        held = manifest.attrs["sources"][0]
+        assert "2 with letters in their names" in held["which"]
+        assert letter not in held["which"] + "".join(manifest["model_id"])
+
+
+def test_a_name_that_an_archive_holds_twice_is_counted(collect, tmp_path):
+    members = {f"{MUG}/{name}/{V2}": obj(size) for name, size in [("a", 1), ("b", 2), ("c", 3)]}
+    path = make_zip(tmp_path / f"source/{MUG}.zip", members)
+    path.write_bytes(re.sub(b"/[bc]/", b"/a/", path.read_bytes()))
+    manifest = collect()
+    assert manifest["content_hash"].tolist() == [content_hash(obj(3))]
+    held = manifest.attrs["sources"][0]
+    assert (held["taken"], held["left_out"]) == (1, 2)
+    assert "2 of a name that comes again" in held["which"]
 
 
 def test_equal_names_are_made_unique_over_all_classes(collect, tmp_path, caplog):

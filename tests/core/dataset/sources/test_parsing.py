@@ -64,6 +64,9 @@ TWO = [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]]
         codecs.BOM_UTF8 + codecs.BOM_UTF8 + SQUARE + codecs.BOM_UTF8 + b"f 1 2 3 4\n",
         SQUARE + b"f 1//2 2//2 3//1 4//1\n",
         SQUARE + b"f 1/ 2/ 3/ 4/\nf\n",
+        SQUARE.replace(b"v", b"V") + b"F 1 2 3 4\n",
+        SQUARE.upper() + b"VN 0 0 1\nF 1//1 2//1 \\\n 3//1 4//1\n",
+        SQUARE + b"f 1 2 3\nF 1 3 4\n",
     ],
 )
 def test_every_way_of_writing_two_triangles_gives_the_same_two(text):
@@ -142,6 +145,9 @@ def test_what_trimesh_writes_is_read_back_as_trimesh_reads_it(vertices, faces):
         (SQUARE + b"f 1 2 -99999999999999999999\n", "a vertex that does not exist"),
         (SQUARE + b"# " + b"f" * (20 << 20), "a line of more than 16 MiB"),
         (SQUARE + b"f 1 2 3\nsurf 0 1 0 1 1 2 3\n", "the statement 'surf', which is not read"),
+        (SQUARE + b"F 1 2 3\nSURF 0 1 0 1 1 2 3\n", "the statement 'SURF', which is not read"),
+        (SQUARE + b"F 1 2 3\nFo 1 2 3\n", "the statement 'Fo', which is not read"),
+        (SQUARE + b"F 1 2 3\nF 1 2", "a face with fewer than three numbers"),
         (SQUARE + b"v nan 0 0\nf 1 2 5\n", "not a finite number"),
         (SQUARE + b"v 1.#QNAN 0 0\nf 1 2 5\n", "not a finite number"),
         (SQUARE + b"v -1.#IND00 -1.#IND 0 # none\nf 1 2 5\n", "not a finite number"),
