@@ -16,7 +16,7 @@ import dagster as dg
 import pytest
 
 from tests.assets.running import Platform, run_whole_chain
-from tests.core.dataset.conftest import make_store  # noqa: F401
+from tests.core.dataset.conftest import make_store, site  # noqa: F401
 from tests.shared import once, shared_folder
 
 

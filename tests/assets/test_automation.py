@@ -1,6 +1,11 @@
 """One tick of everything that runs by itself, on a real instance."""
 
+import contextlib
+import os
+from collections.abc import Iterator
 from datetime import timedelta
+from pathlib import Path
+from typing import NamedTuple
 
 import dagster as dg
 import pytest
@@ -10,6 +15,7 @@ from tactile_assets.dagster_internals import longest_wait
 from tactile_assets.definitions import defs
 from tactile_core.errors import TactileError
 from tests.assets.running import Platform, shell
+from tests.object_store import BUCKET, ObjectStore, object_store
 
 EVALUATIONS = {
     "reconstruction_evaluation", "rollouts", "per_step_evaluation", "per_grasp_evaluation"
@@ -108,6 +114,73 @@ def test_a_server_that_stops_telling_versions_asks_for_no_run(platform, make_sto
     store.etag = '"2"'
     [request] = look(platform, quiet.cursor).run_requests
     assert request.tags["tactile/changed"] == "mug"
+
+
+class OnTheWeb(NamedTuple):
+    """An archive that Python's own server offers."""
+
+    file: Path
+    address: str
+
+    def put(self, data: bytes, when: int) -> None:
+        self.file.write_bytes(data)
+        os.utime(self.file, (when, when))
+
+    def remove(self) -> None:
+        self.file.unlink()
+
+
+class InS3(NamedTuple):
+    """An archive in a bucket, which notes by itself when it was put there."""
+
+    store: ObjectStore
+    address: str
+
+    def put(self, data: bytes, when: int) -> None:
+        self.store.put("mugs.zip", data)
+
+    def remove(self) -> None:
+        self.store.client.delete_object(Bucket=BUCKET, Key="mugs.zip")
+
+
+@pytest.fixture(params=["http", "s3"])
+def archive(request, site, monkeypatch) -> Iterator[OnTheWeb | InS3]:
+    """An archive that is watched, and not there yet."""
+    with contextlib.ExitStack() as stack:
+        if request.param == "http":
+            monkeypatch.setenv("NO_PROXY", "127.0.0.1,localhost")
+            found: OnTheWeb | InS3 = OnTheWeb(site.folder / "mugs.zip", f"{site.url}/mugs.zip")
+        else:
+            found = InS3(stack.enter_context(object_store(monkeypatch)), f"s3://{BUCKET}/mugs.zip")
+        classes = {"classes": {"mug": found.address}, "location": None}
+        meshes = automation.PROFILE.meshes.model_copy(update=classes)
+        profile = automation.PROFILE.model_copy(update={"meshes": meshes})
+        monkeypatch.setattr(automation, "PROFILE", profile)
+        yield found
+
+
+def test_an_archive_elsewhere_asks_for_a_run_when_it_is_overwritten_and_only_then(
+    platform, archive
+):
+    absent = look(platform)
+    assert not absent.run_requests and archive.address in absent.skip_message
+    archive.put(b"first", when=10**9)
+    first = look(platform)
+    assert not first.run_requests and first.cursor
+    assert "has not changed" in look(platform, first.cursor).skip_message
+    archive.put(b"other", when=10**9 + 1)  # as long
+    [request] = look(platform, first.cursor).run_requests
+    assert request.tags["tactile/changed"] == "mug"
+    second = look(platform, first.cursor).cursor
+    assert not look(platform, second).run_requests
+    archive.remove()
+    gone = look(platform, second)
+    assert not gone.run_requests and "class 'mug'" in gone.skip_message
+    assert gone.cursor in (None, second)  # what was seen is not forgotten
+    archive.put(b"other", when=10**9 + 1)
+    assert "has not changed" in look(platform, second).skip_message
+    archive.put(b"third", when=10**9 + 2)
+    assert len(look(platform, second).run_requests) == 1
 
 
 def test_a_cursor_of_another_kind_is_forgotten(platform, source):

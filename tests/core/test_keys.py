@@ -94,6 +94,11 @@ def test_imports_are_followed_inside_functions_and_through_packages():
     assert not any("figures" in module for module in followed)
 
 
+def test_the_packages_that_a_module_lies_in_run_before_it_and_count():
+    packages = ["tactile_core", "tactile_core.dataset", "tactile_core.dataset.sources"]
+    assert [*keys.own_imports("tactile_core.dataset.sources.strangers")] == packages
+
+
 def test_the_versions_of_the_libraries_that_compute_count(monkeypatch):
     found = dict(keys.libraries(closure(("dataset.outlines",))))
     assert {"numpy", "scipy"} <= set(found)

@@ -21,7 +21,8 @@ from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 
 PIECE = 1 << 16  # bytes read at a time; a broken download loses less than one piece
-VERSION_KEYS = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "updated", "mtime")
+# What changes with the bytes; what changes whenever they are written, be they the same ones.
+VERSION_KEYS = ("ETag", "etag", "md5Hash"), ("LastModified", "last_modified", "updated", "mtime")
 
 
 def cache_path(address: str, folder: Path) -> Path:
@@ -96,10 +97,12 @@ def copy_object(source: UPath, folder: Path, progress: Callable[[str], None]) ->
 
 
 def object_version(info: dict) -> str:
-    """What tells two versions of a file apart, from its fsspec `info`: length and ETag or time."""
-    known = {key: str(info[key]) for key in VERSION_KEYS if info.get(key) is not None}
+    """What tells two versions of a file apart, from its fsspec `info`: length and ETag, or time."""
+    for keys in VERSION_KEYS:
+        if known := {key: str(info[key]) for key in keys if info.get(key) is not None}:
+            return repr((info.get("size"), known))
     # Only file systems with none of these, as fsspec's memory, need the time of creation.
-    return repr((info.get("size"), known or str(info.get("created"))))
+    return repr((info.get("size"), str(info.get("created"))))
 
 
 def file_sha256(path: Path) -> str:

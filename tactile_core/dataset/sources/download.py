@@ -138,6 +138,11 @@ def remote_version(url: str, token: str | None = None) -> str | None:
             "the address and the network"
         ) from None
     validators = _validators(response)
+    etag = validators.get("etag", "W/")
+    if not etag.startswith(
+        "W/"
+    ):  # a strong one vouches for the bytes, whenever they were put there
+        return etag
     # A length alone would miss a file that was replaced by one as long.
     return repr(sorted(validators.items())) if validators.keys() - {"length"} else ""
 

@@ -87,6 +87,6 @@ def _unlike_rows(values: np.ndarray, at: int, element: Element) -> tuple[dict[st
                 raise missing(element, row)
     columns = {}
     for (name, *_), column in zip(element.properties, found, strict=True):
-        begins, lengths = (np.array(numbers, dtype=np.int64) for numbers in column)
-        columns[name] = Column(lengths, gathered(values, begins, lengths))
+        starts_at, counts = (np.array(numbers, dtype=np.int64) for numbers in column)
+        columns[name] = Column(counts, gathered(values, starts_at, counts))
     return columns, at

@@ -86,6 +86,7 @@ class Store:
     url: str = ""
     body: bytes = b""
     etag: str | None = '"1"'
+    modified: str | None = None
     ranges: bool = True
     conditions: bool = True
     status: list[int] = field(default_factory=list)  # refusals, one per request to come
@@ -110,6 +111,8 @@ def store_handler(store: Store) -> type[BaseHTTPRequestHandler]:
                 self.send_header(name.replace("_", "-"), value)
             if store.etag:
                 self.send_header("ETag", store.etag)
+            if store.modified:
+                self.send_header("Last-Modified", store.modified)
             self.send_header("Connection", "close")
             self.end_headers()
 

@@ -227,6 +227,14 @@ def test_a_version_is_asked_by_head_and_follows_the_file(make_store):
     assert {method for method, _ in store.requests} == {"HEAD"}
 
 
+@pytest.mark.parametrize(("etag", "alike"), [('"1"', True), ('W/"1"', False)])
+def test_what_a_strong_etag_vouches_for_may_have_been_put_there_anew(make_store, etag, alike):
+    store = make_store(body=BODY, etag=etag, modified="Sat, 28 Nov 2026 10:00:00 GMT")
+    before = remote_version(store.url)
+    store.modified = "Sat, 28 Nov 2026 11:00:00 GMT"
+    assert (remote_version(store.url) == before) == alike
+
+
 def test_a_server_that_knows_no_head_is_asked_by_get_of_which_nothing_is_read(make_store):
     store = make_store(body=BODY, head=405)
     before = remote_version(store.url)
