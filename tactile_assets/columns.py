@@ -46,6 +46,7 @@ ROTATED = {
     **SAMPLE,
     **SPLIT,
     "rotation": "Angle of the rotation in the image plane, in degrees.",
+    "warp": "Seed of the stretching and bending of a train model's copy; 0: as the model is.",
     **GEOMETRY,
     "copy_of": "The first of the models that this one is a copy of; itself where it is none.",
     **MASK,

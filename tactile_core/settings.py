@@ -133,6 +133,12 @@ class SplitSettings(Settings):
     eval_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for eval.")
     test_share: float = Field(0.1, gt=0, lt=0.5, description="Share of models for test.")
     rotations: int = Field(5, ge=1, le=1000, description="Random in-plane rotations of each mask.")
+    warps: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="Copies of each train model, stretched and bent at random, beside these.",
+    )
     renderer: Renderer = RENDERER
     seed: int = SEED
 

@@ -20,6 +20,7 @@ COLUMNS = [
     "category",
     "split",
     "rotation",
+    "warp",
     "content_hash",
     "geometry",
     "copy_of",
@@ -112,11 +113,13 @@ def rotate_splits(
     workers: int | None = None,
 ) -> pd.DataFrame:
     """Every model at `rotations` random angles, rendered anew: sample_id, model_id, category,
-    split, rotation, content_hash, geometry, copy_of, resolution, mask, key.
+    split, rotation, warp, content_hash, geometry, copy_of, resolution, mask, key.
 
-    The geometry is rotated, in the image plane, rather than the pixels. A model's angles depend
-    on the seed and its id only. Samples of `previous` (an earlier result) that have not changed
-    are not rendered again. `meshes`, `root` and `workers` are as in `render_masks`.
+    The geometry is rotated, in the image plane, rather than the pixels. A train model has `warps`
+    samples besides, each warped in its own way (`warp` is its seed, and 0 for all others). A
+    model's angles and warps depend on the seed and its id only. Samples of `previous` (an earlier
+    result) that have not changed are not rendered again. `meshes`, `root` and `workers` are as in
+    `render_masks`.
     """
     resolution = mask_settings.resolution
     usable = masks[masks["status"] == "ok"]
@@ -153,17 +156,13 @@ def rotate(
 
     What `rotate_splits` returns, for models whose split is known.
     """
-    count = split_settings.rotations
-    angles = [
-        generator(split_settings.seed, model).uniform(0, 360, count) for model in models["model_id"]
-    ]
-    samples = models.iloc[np.repeat(np.arange(len(models)), count)].reset_index(drop=True)
-    numbers = np.tile(np.arange(count), len(models)).astype(str)
-    samples = samples.assign(
-        sample_id=samples["model_id"] + "-r" + numbers,
-        rotation=np.concatenate(angles),
-        resolution=mask_settings.resolution,
+    views = pd.concat(
+        [
+            views_of_model(model, split_settings, split_settings.warps if split == "train" else 0)
+            for model, split in zip(models["model_id"], models["split"], strict=True)
+        ]
     )
+    samples = models.merge(views, on="model_id").assign(resolution=mask_settings.resolution)
     drawn = draw(samples, root, mask_settings, previous, progress, workers)
     for file, mask in zip(samples["file"], drawn, strict=True):
         if isinstance(mask, str) and mask != EMPTY:
@@ -178,6 +177,24 @@ def rotate(
         first = samples.loc[empty, "sample_id"].iloc[0]
         progress(f"{empty.sum()} samples left out: {EMPTY} (first: {first})")
     return samples.loc[~empty, COLUMNS].reset_index(drop=True)
+
+
+def views_of_model(model: str, settings: SplitSettings, warps: int) -> pd.DataFrame:
+    """The samples of one model: model_id, sample_id, rotation (degrees) and warp."""
+    rotations = generator(settings.seed, model).uniform(0, 360, settings.rotations)
+    # Drawn in pairs: those of the first warps are the same however many follow.
+    drawn = generator(settings.seed, f"warps of {model}").integers(1, 2**32, (warps, 2))
+    angles, seeds = 360 * drawn[:, 0] / 2**32, drawn[:, 1]
+    ids = [f"{model}-r{number}" for number in range(len(rotations))]
+    ids += [f"{model}-w{number}" for number in range(warps)]
+    return pd.DataFrame(
+        {
+            "model_id": model,
+            "sample_id": ids,
+            "rotation": np.concatenate([rotations, angles]),
+            "warp": np.concatenate([np.zeros(len(rotations), np.int64), seeds]),
+        }
+    )
 
 
 def _counts(models: int, settings: SplitSettings) -> tuple[int, int]:

@@ -19,6 +19,7 @@ from tactile_core.dataset.rendering import opengl
 from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.dataset.rendering.rasteriser import rasterise
+from tactile_core.dataset.rendering.warps import warp
 from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import DamagedError, TactileError
 from tactile_core.keys import work_key
@@ -34,12 +35,19 @@ MESHES_PER_TASK = 5
 MESHES_PER_OSMESA_WORKER = 150  # OSMesa leaks about 0.7 MB a render: its processes are replaced
 
 
+class View(NamedTuple):
+    """How a mesh is looked at: turned in the image plane, in degrees, and warped (see `warp`)."""
+
+    rotation: float
+    warp: int
+
+
 class Job(NamedTuple):
-    """One mesh file, its content hash, and the in-plane rotations, in degrees, to render it at."""
+    """One mesh file, its content hash, and the views to render it at."""
 
     file: str
     version: str
-    rotations: tuple[float, ...]
+    views: tuple[View, ...]
 
 
 def render_masks(
@@ -62,7 +70,8 @@ def render_masks(
     reason and its mask is null. Raises `TactileError` where no mask is left, or a file is gone or
     has changed since it was collected.
     """
-    wanted = meshes.loc[meshes["status"] == "ok"].reset_index(drop=True).assign(rotation=0.0)
+    wanted = meshes.loc[meshes["status"] == "ok"].reset_index(drop=True)
+    wanted = wanted.assign(rotation=0.0, warp=0)
     if settings.renderer == "auto" and opengl.working_platform() is None:
         progress(
             "no OpenGL here: the software rasteriser renders the masks, with equal pixels "
@@ -90,8 +99,8 @@ def draw(
     progress: Callable[[str], None] = lambda message: None,
     workers: int | None = None,
 ) -> list[bytes | str]:
-    """For each row of `wanted` (model_id, content_hash, file, rotation) the mask as PNG bytes,
-    or the reason why there is none.
+    """For each row of `wanted` (model_id, content_hash, file, rotation, warp) the mask as PNG
+    bytes, or the reason why there is none.
 
     Rows that `previous` holds under the same key are taken from there, and their meshes are not
     even loaded.
@@ -103,30 +112,40 @@ def draw(
         drawn = dict(zip(same["key"], same["mask"], strict=True))
     missing = [key not in drawn for key in keys]
     if any(missing):
-        files = wanted[missing].groupby(["file", "content_hash"], sort=False)["rotation"]
-        jobs = [Job(file, version, tuple(angles)) for (file, version), angles in files]
+        files = wanted[missing].groupby(["file", "content_hash"], sort=False)
+        jobs = [Job(file, version, tuple(views_of(some))) for (file, version), some in files]
         results = render_jobs(jobs, root, settings, progress, workers)
         new = {
-            (job.file, rotation): mask
+            (job.file, view): mask
             for job, masks in zip(jobs, results, strict=True)
-            for rotation, mask in zip(job.rotations, masks, strict=True)
+            for view, mask in zip(job.views, masks, strict=True)
         }
-        rows = zip(keys, wanted["file"], wanted["rotation"], missing, strict=True)
-        drawn |= {key: new[file, rotation] for key, file, rotation, absent in rows if absent}
+        rows = zip(keys, wanted["file"], views_of(wanted), missing, strict=True)
+        drawn |= {key: new[file, view] for key, file, view, absent in rows if absent}
     progress(f"{sum(missing)} masks rendered, {len(keys) - sum(missing)} unchanged")
     return [drawn[key] for key in keys]
 
 
+def views_of(wanted: pd.DataFrame) -> Iterator[View]:
+    return (View(*view) for view in zip(wanted["rotation"], wanted["warp"], strict=True))
+
+
 def mask_keys(wanted: pd.DataFrame, resolution: int) -> list[str]:
-    """What each mask depends on: its mesh, its rotation, and the code that renders it.
+    """What each mask depends on: its mesh, its view, and the code that renders it.
 
     Not the renderer, as both give equal pixels. The same bytes may be read in more than one format.
     """
     rendering = work_key("dataset.rendering.silhouettes", settings={"resolution": resolution})
-    columns = wanted["content_hash"], wanted["file"], wanted["rotation"].map(float.hex)
+    columns = wanted["content_hash"], wanted["file"], views_of(wanted)
     return [
-        work_key(rendering=rendering, mesh=mesh, format=suffix_of(file), rotation=rotation)
-        for mesh, file, rotation in zip(*columns, strict=True)
+        work_key(
+            rendering=rendering,
+            mesh=mesh,
+            format=suffix_of(file),
+            rotation=float.hex(view.rotation),
+            warp=int(view.warp),
+        )
+        for mesh, file, view in zip(*columns, strict=True)
     ]
 
 
@@ -141,7 +160,7 @@ def render_jobs(
     progress: Callable[[str], None],
     workers: int | None,
 ) -> Iterator[list[bytes | str]]:
-    """For each job, in order, its masks as PNG bytes, or reasons, one for each rotation.
+    """For each job, in order, its masks as PNG bytes, or reasons, one for each view.
 
     OpenGL always draws in processes of its own: a crash there leaves this one alone, and
     this one can still be forked, which hangs once OpenGL was used.
@@ -165,20 +184,21 @@ def render_jobs(
 
 
 def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list[bytes | str]:
-    """The masks of one mesh as PNG bytes, or the reason, for each of the job's rotations."""
+    """The masks of one mesh as PNG bytes, or the reason, for each of the job's views."""
     try:
         mesh = load_mesh(root, job.file, job.version)
     except DamagedError:  # nothing is wrong with the mesh: the store must be mended
         raise
     except TactileError as error:  # tables hold no absolute paths
-        return [str(error).replace(str(root / job.file), job.file)] * len(job.rotations)
+        return [str(error).replace(str(root / job.file), job.file)] * len(job.views)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     masks: list[bytes | str] = []
-    for rotation in job.rotations:
+    for view in job.views:
+        warped = warp(vertices, view.warp)
         if platform:
-            mask = opengl.silhouette(vertices, faces, rotation, resolution, platform)
+            mask = opengl.silhouette(warped, faces, view.rotation, resolution, platform)
         else:
-            mask = rasterise(project(vertices, rotation, resolution), faces, resolution)
+            mask = rasterise(project(warped, view.rotation, resolution), faces, resolution)
         masks.append(encode_mask(mask) if mask.any() else EMPTY)
     return masks
 

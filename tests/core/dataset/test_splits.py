@@ -205,3 +205,25 @@ def test_a_rotation_that_shows_no_pixel_is_left_out(collected, tmp_path):
     samples = rotated((UPath("/"), meshes, masks), progress=messages.append)
     assert len(samples) == 40
     assert "5 samples left out: no pixel lies inside" in messages[-1]
+
+
+def test_train_models_have_warped_copies_and_no_others_do(collected):
+    plain = rotated(collected)
+    more = rotated(collected, SplitSettings(warps=2))
+    warped = more[more["warp"] > 0]
+    assert set(warped["split"]) == {"train"}
+    assert (warped["model_id"].value_counts() == 2).all()
+    assert set(warped["model_id"]) == set(plain.loc[plain["split"] == "train", "model_id"])
+    assert warped["warp"].is_unique and warped["mask"].is_unique
+    assert not set(warped["mask"]) & set(plain["mask"])
+
+
+def test_samples_as_they_are_do_not_depend_on_how_many_are_warped(collected):
+    said = []
+    plain = rotated(collected)
+    more = rotated(collected, SplitSettings(warps=1), plain, said.append)
+    unwarped = more[more["warp"] == 0].reset_index(drop=True)
+    assert table_hash(unwarped) == table_hash(plain)
+    assert said[-1] == f"{len(more) - len(plain)} masks rendered, {len(plain)} unchanged"
+    again = rotated(collected, SplitSettings(warps=3)).set_index("sample_id")["key"]
+    assert again[more["sample_id"]].tolist() == more["key"].tolist()
