@@ -79,7 +79,13 @@ class KnownShapes(nn.Module):
     free: Tensor
     inside: Tensor
 
-    def __init__(self, masks: np.ndarray, models: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        masks: np.ndarray,
+        models: np.ndarray | None = None,
+        spread: float = SPREAD,
+        farthest: float = FARTHEST,
+    ) -> None:
         super().__init__()
         self.masks, self.models = masks, models
         every = torch.from_numpy(masks).float()
@@ -89,7 +95,7 @@ class KnownShapes(nn.Module):
         outlines = covered & ~ndimage.binary_erosion(covered, cross)
         distance = np.stack([ndimage.distance_transform_edt(~outline) for outline in outlines])
         share = coarse(every, functional.avg_pool2d).numpy()
-        touch = -((np.minimum(distance, FARTHEST) / SPREAD) ** 2) / 2
+        touch = -((np.minimum(distance, farthest) / spread) ** 2) / 2
         blocks = -functional.max_pool2d(-within[:, None], 2)[:, 0]
         self.register_buffer("touch", oriented(touch).T.contiguous(), persistent=False)
         self.register_buffer("free", -FREE_PIXEL * oriented(blocks.numpy()), persistent=False)

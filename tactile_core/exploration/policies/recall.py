@@ -2,8 +2,8 @@
 
 A reconstruction says of every pixel how probable it is, but not what goes together: a handle is
 here or there, never half in both places. So a few of the known shapes are drawn, by how well they
-agree with the touches and the free space of an exploration, and rays are tried on each of them as
-the oracle tries them on the true shape.
+agree with the touches and the free space of an exploration, and bent to what still contradicts
+them. Rays are tried on each as the oracle tries them on the true shape.
 """
 
 import functools
@@ -11,6 +11,7 @@ import functools
 import numpy as np
 
 from tactile_core.exploration.policies.base import weights_version
+from tactile_core.exploration.policies.bending import bend
 from tactile_core.exploration.policies.scorer import RayScorer, best_rays_apart
 from tactile_core.exploration.world.rays import cast_rays
 from tactile_core.exploration.world.state import Explorations
@@ -20,12 +21,15 @@ from tactile_core.reconstruction.known_shapes import KnownShapes, pack, unpack
 
 TRIED = 16  # rays that `recall` tries, of those of highest value
 RECALLED = 12  # known shapes that it tries each of them on
+# What is bent afterwards may disagree more than what the U-Net is shown: errors in pixels, as
+# `known_shapes.SPREAD` and `FARTHEST` are.
+SPREAD, FARTHEST = 1.0, 4.0
 PIXELS_AT_A_TIME = 2**26  # explorations are dealt with in portions, to bound its memory
 
 
 class RecallPolicy:
-    """Tries the rays of highest value on known shapes that agree with what was felt, and casts the
-    one that is best on average."""
+    """Tries the rays of highest value on known shapes, bent to what was felt, and casts the one
+    that is best on average."""
 
     draws = False
 
@@ -51,7 +55,8 @@ class RecallPolicy:
             some = explorations.select(indices)
             rays = best_rays_apart(self.net, some, TRIED)
             felt = some.touches.astype(np.int8) - some.free.astype(np.int8)
-            expected = try_rays(some, rays, self.known.draw(felt, RECALLED, rng)).mean(axis=2)
+            recalled = bend(self.known.draw(felt, RECALLED, rng), felt)
+            expected = try_rays(some, rays, recalled).mean(axis=2)
             chosen.append(rays[np.arange(len(rays)), expected.argmax(axis=1)])
         return np.concatenate(chosen)
 
@@ -60,7 +65,7 @@ class RecallPolicy:
 def load_known_shapes(packed: bytes, resolution: int) -> KnownShapes:
     """What `pack` packed, ready for recall; policies that know the same shapes share it."""
     rows = np.frombuffer(packed, np.uint8).reshape(-1, resolution**2 // 8)
-    return KnownShapes(unpack(rows, resolution))
+    return KnownShapes(unpack(rows, resolution), spread=SPREAD, farthest=FARTHEST)
 
 
 def try_rays(explorations: Explorations, rays: np.ndarray, shapes: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_core.exploration.policies import recall
+from tactile_core.exploration.policies.bending import bend
 from tactile_core.exploration.policies.recall import load_known_shapes, try_rays
 from tactile_core.exploration.policies.references import find_reference
 from tactile_core.exploration.policies.scorer import (
@@ -76,7 +77,8 @@ def test_recall_casts_the_best_of_the_rays_it_tried(known, shapes, reconstructor
     rays = policy.choose(explorations, np.random.default_rng(5), True)
     tried = best_rays_apart(scorer, explorations, recall.TRIED)
     felt = explorations.touches.astype(np.int8) - explorations.free
-    recalled = known.draw(felt, recall.RECALLED, np.random.default_rng(5))
+    drawn = known.draw(felt, recall.RECALLED, np.random.default_rng(5))
+    recalled = bend(drawn, felt)
     expected = try_rays(explorations, tried, recalled).mean(axis=2)
     for ray, some, scores in zip(rays, tried, expected, strict=True):
         assert scores[(some == ray).all(axis=1)].max() == scores.max()
