@@ -68,11 +68,14 @@ def how_it_was_made(folder: Path) -> str:
 
 
 def tables(folder: Path, headings: dict[str, str]) -> list[str]:
-    """Heading and table of each of `headings` that the run has."""
+    """Heading, table and note of each of `headings` that the run has."""
+    notes = json.loads((folder / "run.json").read_text()).get("notes", {})
     parts = []
     for name, heading in headings.items():
         file = folder / f"{name}.csv"
         if file.exists():
             rows = pd.read_csv(file, dtype=str, keep_default_na=False)
             parts += [f"**{heading}**", markdown_table(rows).strip()]
+            if name in notes:
+                parts.append(notes[name])
     return parts

@@ -45,8 +45,11 @@ def publish(name: str, note: str | None = None) -> None:
     }
     with own_instance() as instance:
         made = {title: how_made(instance, f"{title}_evaluation") for title in evaluations}
+    notes = {}
     for title, table in evaluations.items():
         results = results_of(table, made[title])
+        if results.note:
+            notes[title] = results.note
         tables |= {
             title: results.rows,
             f"{title}_comparison": results.comparison,
@@ -55,6 +58,8 @@ def publish(name: str, note: str | None = None) -> None:
         }
     if note:
         about["note"] = note
+    if notes:
+        about["notes"] = notes
     folder = RESULTS / name
     folder.mkdir(parents=True, exist_ok=True)
     for file in folder.glob("real_*.csv"):  # of an earlier run, that this one may not have

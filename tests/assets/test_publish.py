@@ -21,6 +21,7 @@ from tactile_assets.publish import (
     with_results,
 )
 from tactile_core.errors import TactileError
+from tactile_core.evaluation.tables import NO_INTERVAL
 from tests.assets.running import Platform
 
 PUBLISHED = [file.parent for file in sorted(RESULTS.glob("*/run.json"))]
@@ -69,6 +70,14 @@ def test_a_page_has_the_tables_on_real_meshes_where_they_were_published(tmp_path
     (run / "run.json").write_text(json.dumps(about))
     assert "195 of real meshes, trained on generated ones" in how_it_was_made(run)
     assert page(run).count("on real meshes**") == 2
+
+
+def test_a_page_says_below_a_table_what_limits_it(tmp_path):
+    run = shutil.copytree(PUBLISHED[0], tmp_path / "run")
+    about = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps({**about, "notes": {"per_step": NO_INTERVAL}}))
+    below_the_table = page(run).partition("**Per step")[2].split("\n\n")[2]
+    assert below_the_table == NO_INTERVAL
 
 
 def test_a_run_is_told_by_the_command_that_makes_it_again():

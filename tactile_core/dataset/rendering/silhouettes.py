@@ -143,7 +143,7 @@ def mask_keys(wanted: pd.DataFrame, resolution: int) -> list[str]:
             mesh=mesh,
             format=suffix_of(file),
             rotation=float.hex(view.rotation),
-            warp=int(view.warp),
+            warp=str(view.warp),
         )
         for mesh, file, view in zip(*columns, strict=True)
     ]
