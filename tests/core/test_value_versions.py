@@ -2,17 +2,20 @@
 
 import functools
 import os
+import re
 import subprocess
 import sys
 import threading
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 import pytest
 
+from tactile_core import keys
 from tactile_core.compiled import compiled
 from tactile_core.errors import TactileError
-from tactile_core.value_versions import value_version
+from tactile_core.value_versions import module_version, value_version
 
 # Each a reward as users write them; of every pair the second does something else.
 START = """
@@ -142,6 +145,46 @@ def test_versions_are_equal_in_every_process():
         for seed in ("1", "2")
     }  # fmt: skip
     assert len(found) == 1
+
+
+def test_a_version_is_twelve_hex_digits():
+    assert re.fullmatch("[0-9a-f]{12}", value_version(1))
+
+
+def test_a_module_that_is_named_counts_by_its_code_or_by_its_release(tmp_path, monkeypatch):
+    from tactile_core import files
+
+    assert module_version(files) == keys.code_version("files")
+    assert module_version(np) == keys.installed_version("numpy") != ""
+    assert module_version(sys) == ""  # Python's own, in no file
+    assert module_version(ModuleType("made_up")) == ""
+
+    monkeypatch.syspath_prepend(tmp_path)
+    versions = []
+    for text in ("def helper(x): return x", "def helper(x): return -x"):
+        (tmp_path / "helpers_of_one_s_own.py").write_text(text)
+        reward = "import helpers_of_one_s_own as own\ndef reward(x): return own.helper(x)"
+        versions += [version(reward), version(reward)]
+    assert versions[0] == versions[1] != versions[2] == versions[3]
+
+
+def test_arrays_count_by_what_they_hold_not_by_where_it_lies():
+    grid = np.arange(6).reshape(2, 3)
+    assert value_version(grid.T) == value_version(grid.T.copy()) != value_version(grid)
+    words = [np.array(["".join(["a", "b", end]), end], dtype=object) for end in "ccd"]
+    assert value_version(words[0]) == value_version(words[1]) != value_version(words[2])
+
+
+class Slotted:
+    __slots__ = ("factor",)
+
+    def __init__(self, factor: float) -> None:
+        self.factor = factor
+
+
+def test_a_value_without_a_dict_of_its_own_counts_by_what_it_holds():
+    one, again, other = (value_version(Slotted(factor)) for factor in (1.0, 1.0, 2.0))
+    assert one == again != other
 
 
 def test_a_function_that_calls_itself_has_a_version():

@@ -117,6 +117,67 @@ def test_no_more_of_a_file_is_read_than_is_asked_for():
     assert archives.read_pieces(io.BytesIO(bytes(10)), 99) == bytes(10)
 
 
+GIB = 1024**3
+
+
+def declared(path: Path, sizes: list[int], packed: int) -> zipfile.ZipFile:
+    """An archive of meshes whose directory says these sizes, whatever they are."""
+    archive = open_archive(make_zip(path, {f"{k}.obj": b"v" for k in range(len(sizes))}))
+    for member, size in zip(archive.infolist(), sizes, strict=True):
+        member.file_size, member.compress_size = size, packed
+    return archive
+
+
+def test_meshes_of_a_quarter_of_a_gigabyte_are_read_and_64_gigabytes_of_an_archive(tmp_path):
+    with declared(tmp_path / "a.zip", [GIB // 4] * 256, GIB) as archive:
+        assert len(safe_members(archive, [".obj"])) == 256
+    with (
+        declared(tmp_path / "a.zip", [GIB // 4] * 256 + [1], GIB) as archive,
+        pytest.raises(TactileError, match=r"unpack to more than 68\.7 GB"),
+    ):
+        safe_members(archive, [".obj"])
+    with (
+        declared(tmp_path / "a.zip", [GIB // 4 + 1], GIB) as archive,
+        pytest.raises(TactileError, match=r"has 268\.4 MB, more than the 268\.4 MB"),
+    ):
+        read(archive, "0.obj")
+    assert "has 3000.0 MB" in archives.too_large(3 * 10**9)
+
+
+def test_a_mesh_may_pack_two_hundred_to_one_and_no_better(tmp_path):
+    packed = 100_000
+    with declared(tmp_path / "a.zip", [200 * packed], packed) as archive:
+        assert len(safe_members(archive, [".obj"])) == 1
+    with (
+        declared(tmp_path / "a.zip", [200 * packed + 1], packed) as archive,
+        pytest.raises(TactileError, match="unpacks to more than 200 times its size"),
+    ):
+        safe_members(archive, [".obj"])
+
+
+def test_files_and_folders_as_unix_marks_them_are_taken(tmp_path):
+    path = tmp_path / "a.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, kind in (("a/", stat.S_IFDIR), (GOOD, stat.S_IFREG)):
+            member = zipfile.ZipInfo(name)
+            member.external_attr = (kind | 0o644) << 16
+            archive.writestr(member, b"")
+    with open_archive(path) as archive:
+        assert list(safe_members(archive, [".obj"])) == [GOOD]
+
+
+def test_what_an_error_says_is_one_short_line():
+    assert archives.one_line(ValueError("a\n  b")) == "a b"
+    assert archives.one_line(ValueError("x" * 300)) == "x" * 200
+    assert archives.one_line(MemoryError()) == "MemoryError"
+
+
+def test_a_long_name_that_leads_out_is_shown_in_part(tmp_path):
+    name = "../" + "n" * 100
+    message = refusal(make_zip(tmp_path / "a.zip", {name: b"v"}))
+    assert repr(name[:80]) in message
+
+
 def test_what_is_never_unpacked_may_be_of_any_size(tmp_path):
     members = {GOOD: b"v", "03797390/a/solid.binvox": bytes(archives.RATIO_MATTERS_FROM + 1)}
     with open_archive(make_zip(tmp_path / "a.zip", members)) as archive:
@@ -175,8 +236,10 @@ except TactileError as error:
     assert "holds more than the 1000 bytes" in why or "is packed with bzip2" in why
 
 
-@pytest.mark.parametrize(("number", "name"), [(9, "deflate64"), (12, "bzip2"), (14, "LZMA"),
-                                              (93, "zstd"), (97, "method 97")])  # fmt: skip
+@pytest.mark.parametrize(("number", "name"), [
+    (1, "shrink"), (6, "implode"), (9, "deflate64"), (12, "bzip2"), (14, "LZMA"), (20, "zstd"),
+    (93, "zstd"), (95, "xz"), (97, "method 97"), (98, "PPMd"),
+])  # fmt: skip
 def test_a_way_of_packing_that_is_not_read_is_named_for_its_mesh_alone(tmp_path, number, name):
     path = make_zip(tmp_path / "a.zip", {GOOD: b"v", "b/model.obj": b"w"})
     data = bytearray(path.read_bytes())
