@@ -12,6 +12,7 @@ from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.pictures import decode_masks
 from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.rendering.silhouettes import EMPTY, render_masks
+from tactile_core.dataset.seeds import generator
 from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.dataset.splits import rotate_splits, split_models
 from tactile_core.errors import TactileError
@@ -77,6 +78,31 @@ def test_the_reports_712_models_give_355_test_samples():
         ("c0", "train"): 172, ("c0", "eval"): 21, ("c0", "test"): 21,
         ("c1", "train"): 398, ("c1", "eval"): 50, ("c1", "test"): 50,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("count", "evals", "tests", "expected"),
+    [
+        (3, 0.1, 0.1, (1, 1, 1)),
+        (4, 0.4, 0.4, (1, 1, 2)),  # two and two would leave none to train on
+        (7, 0.1, 0.25, (4, 1, 2)),
+        (10, 0.25, 0.35, (3, 3, 4)),
+    ],
+)
+def test_a_small_category_is_dealt_in_whole_models(count, evals, tests, expected):
+    found = Counter(split_of(models([count]), SplitSettings(eval_share=evals, test_share=tests)))
+    assert (found["train"], found["eval"], found["test"]) == expected
+
+
+def test_two_objects_are_too_few_however_many_copies_there_are():
+    masks = models([8]).assign(content_hash=["a"] * 7 + ["b"], geometry=["a"] * 7 + ["b"])
+    with pytest.raises(TactileError, match="8 models have a mask and are 2 different") as refused:
+        split_models(masks, DEFAULT)
+    named = str(refused.value).partition(", as ")[2].partition(" are copies of each other")[0]
+    assert named.split(", ") == [f"0-{number}" for number in range(5)]
+    with pytest.raises(TactileError) as refused:
+        split_models(models([2]), DEFAULT)
+    assert "copies" not in str(refused.value)
 
 
 def test_the_split_depends_on_the_seed_and_the_set_of_models_only():
@@ -160,6 +186,23 @@ def test_a_models_rotations_depend_on_the_seed_and_its_id_only(collected):
     assert fewer.equals(samples[fewer.index])
     other = rotated(collected, SplitSettings(seed=1)).set_index("sample_id")["rotation"]
     assert not set(other) & set(samples)
+
+
+def test_angles_are_drawn_from_the_whole_circle(collected):
+    first = rotated(collected)["rotation"].head(5)
+    assert first.tolist() == generator(0, "m5").uniform(0, 360, 5).tolist()
+
+
+def test_copies_are_counted_and_rotated_in_one_split(collected):
+    root, meshes, masks = collected
+    geometry = ["geometry0"] * 3 + meshes["geometry"].tolist()[3:]
+    meshes, masks = (some.assign(geometry=geometry) for some in (meshes, masks))
+    messages = []
+    samples = rotated((root, meshes, masks), progress=messages.append)
+    more = 9 - samples["copy_of"].nunique()  # some boxes look alike besides
+    assert more >= 2
+    assert messages[0].startswith(f"{more} models are copies of others")
+    assert samples.loc[samples["geometry"] == "geometry0", "split"].nunique() == 1
 
 
 def test_samples_that_stay_are_not_rendered_again(collected):

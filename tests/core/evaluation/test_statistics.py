@@ -252,6 +252,57 @@ def test_grasps_report_rays_and_the_share_of_rollouts_that_got_there() -> None:
     assert curve["mean"].tolist() == [50, 55]
 
 
+def test_grasps_are_counted_over_seeds_samples_and_grasps_of_any_number() -> None:
+    null = np.nan
+    values = np.array(
+        [
+            [[10, 20, 30, 40], [50, null, null, null], [null, null, null, null]],
+            [[20, 30, 40, 50], [60, 70, null, null], [10, 20, 30, null]],
+        ],
+        dtype=float,
+    )
+    rows = table({"random": values}, ["a", "b", "a"], index="grasp")
+    curve = mean_curve(rows, "grasp", resamples=10)
+    assert curve["reached"].tolist() == pytest.approx([5 / 6, 4 / 6, 3 / 6, 2 / 6])
+    assert curve["mean"].tolist() == pytest.approx([25, 190 / 6, 220 / 6, 240 / 6])
+    summary = summarise_grasps(rows, resamples=10).iloc[0]
+    assert (summary["seeds"], summary["samples"]) == (2, 3)
+    assert summary["reached"] == pytest.approx(2 / 6)
+    assert summary["rays"] == pytest.approx(8)
+    assert summary["last"] == pytest.approx(240 / 6)
+    assert summary["mean"] == pytest.approx(np.mean([25, 190 / 6, 220 / 6, 240 / 6]))
+
+
+def test_touches_are_those_held_after_the_last_ray() -> None:
+    rows = random_table({"even": 1}, steps=4)
+    rows["touches"] = rows["step"].map({1: 1, 2: 2, 3: 4, 4: 7})
+    assert summarise_steps(rows, resamples=10)["touches"].tolist() == [7]
+
+
+def test_the_better_of_two_observers_is_what_can_be_attained() -> None:
+    """Halfway from random to it is a half, sample by sample, whichever of the two it is."""
+    generator = np.random.default_rng(6)
+    low, high = generator.uniform(30, 60, (1, 9, 4)), generator.uniform(70, 95, (1, 9, 4))
+    scores = {"random": low, "observer": high, "observer_ahead": low, "even": (low + high) / 2}
+    for names in (("observer", "observer_ahead"), ("observer_ahead", "observer")):
+        scores |= dict(zip(names, (high, low), strict=True))
+        summary = summarise_steps(table(scores, list("abcabcabc")), resamples=20)
+        assert summary["policy"].tolist() == ["random", "even", "observer", "observer_ahead"]
+        row = summary.set_index("policy").loc["even"]
+        assert row[["last_attained", "mean_attained_low"]].tolist() == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("summarise", "index"),
+    [(mean_curve, "step"), (summarise_steps, "step"), (summarise_grasps, "grasp")],
+)
+def test_intervals_are_of_2000_resamples_unless_another_number_is_given(summarise, index) -> None:
+    rows = random_table({"random": 1, "diff": 2}, models=5).rename(columns={"step": index})
+    named = {"index": index} if summarise is mean_curve else {}
+    expected = summarise(rows, resamples=2000, seed=0, **named)
+    pd.testing.assert_frame_equal(summarise(rows, **named), expected)
+
+
 @pytest.mark.parametrize("damage", ["lost", "twice", "other sample", "empty"])
 def test_an_incomplete_table_is_refused_in_one_line(damage: str) -> None:
     rows = random_table({"random": 1, "diff": 2})
