@@ -20,10 +20,18 @@ from tests.core.dataset.conftest import make_store, site  # noqa: F401
 from tests.shared import once, shared_folder
 
 
+@pytest.fixture(scope="session")
+def no_records(tmp_path_factory) -> Path:
+    """Dagster's records before there was a run: to copy them is quicker than to lay them out."""
+    folder = tmp_path_factory.mktemp("records")
+    with dg.DagsterInstance.from_config(str(folder)):
+        return folder
+
+
 @pytest.fixture
-def platform(tmp_path) -> Iterator[Platform]:
+def platform(tmp_path, no_records) -> Iterator[Platform]:
     """An empty home."""
-    (tmp_path / "dagster").mkdir()
+    shutil.copytree(no_records, tmp_path / "dagster")
     with dg.DagsterInstance.from_config(str(tmp_path / "dagster")) as instance:
         yield Platform(tmp_path, instance)
 

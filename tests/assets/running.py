@@ -25,7 +25,7 @@ TINY = {
     "unet_search": {"trials": 1, "epochs": 1},
     "unet": {"epochs": 2},
     "policies": {"approaches": ["total", "gain"], "steps_per_stage": 256, "gain_iterations": 3},
-    "rollouts": {"references": ["random", "even", "oracle"]},
+    "rollouts": {"references": ["random", "even", "oracle"], "ray_limit": 20},
     "per_step_evaluation": {"resamples": 20},
     "per_grasp_evaluation": {"resamples": 20},
 }
@@ -83,9 +83,13 @@ def environment(home: Path, **variables: str) -> dict[str, str]:
     return plain(home, **{"TACTILE_PROFILE": "smoke", **variables})
 
 
-def until(condition: Callable[[], object]) -> None:
-    """Wait for it; pytest's own timeout ends a wait in vain."""
+def until(
+    condition: Callable[[], object], seconds: float = 240, telling: Callable[[], str] = str
+) -> None:
+    """Wait for it; where it does not come the test fails with what `telling` says."""
+    last = time.monotonic() + seconds
     while not condition():
+        assert time.monotonic() < last, f"It did not come in {seconds:.0f} s. {telling()}"
         time.sleep(0.1)
 
 

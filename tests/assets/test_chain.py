@@ -13,7 +13,7 @@ from tactile_assets.runs import LOCATION
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table
-from tests.assets.running import ALL, run_whole_chain, shell
+from tests.assets.running import ALL, run_for, run_whole_chain, shell
 
 TABLES = [asset for asset in ALL if asset not in ("unet", "policies")]
 
@@ -212,10 +212,13 @@ def test_a_second_run_elsewhere_gives_equal_data_versions(chain, tmp_path):
     assert again == chain.data_versions(ALL)
 
 
-def test_policies_are_trained_again_from_what_is_stored(copy_of_chain):
+def test_policies_of_every_approach_are_trained_from_what_is_stored(copy_of_chain):
     index = copy_of_chain.store.path("policies", "index.json")
     index.unlink()
-    done = shell("dagster asset materialize --select policies", copy_of_chain.home)
+    config = json.dumps(run_for(("policies",), policies={"approaches": []}))
+    done = shell(
+        f"dagster asset materialize --select policies --config-json '{config}'", copy_of_chain.home
+    )
     assert done.returncode == 0, done.stderr
     trained = set(json.loads(index.read_text()))
     assert trained == {
