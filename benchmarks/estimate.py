@@ -18,9 +18,9 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from tactile_core.evaluation.tables import markdown_table
 from tactile_core.exploration.learning.approaches import APPROACHES
+from tactile_core.profiles import PROFILES
 from tactile_core.progress import duration
 from tactile_core.reconstruction.unet import UNet
-from tactile_core.settings import PROFILES
 
 PAPER = PROFILES["paper"]
 MODELS = 51_300

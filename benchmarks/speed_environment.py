@@ -16,8 +16,8 @@ from benchmarks.timing import Curve, Pace, Row, Work, alternated, at_least, swep
 from tactile_core.exploration.learning.approaches import DIFF
 from tactile_core.exploration.learning.ppo import new_model
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
+from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.inference import Reconstructor, best_device
-from tactile_core.settings import PROFILES
 
 LAPTOP = PROFILES["laptop"].policies
 MOST = 256

@@ -9,11 +9,11 @@ from torch.utils.flop_counter import FlopCounterMode
 from benchmarks.samples import CHANNELS, DEPTH, RESOLUTION, masks, shapes, untrained
 from benchmarks.timing import Pace, Row, Work, alternated, at_least, rate
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.batches import felt_outlines, training_batches
 from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.reconstruction.training import begin_training, train_epoch
 from tactile_core.reconstruction.unet import UNet
-from tactile_core.settings import PROFILES
 
 BATCH = PROFILES["laptop"].policies.environments
 TRAINING_BATCH = 32

@@ -17,7 +17,8 @@ from pydantic.fields import FieldInfo
 from tactile_assets.dagster_internals import when_a_run_is_asked_for
 from tactile_core.errors import TactileError
 from tactile_core.home import remembered_profile
-from tactile_core.settings import Profile, Settings, active_profile, problems
+from tactile_core.profiles import Profile, active_profile
+from tactile_core.settings import Settings, problems
 
 
 def profile_or_end() -> Profile:

@@ -25,8 +25,10 @@ FOLDER = Path(__file__).resolve().parent
 # Every module imports these, and what they do shows in the settings and in the content itself.
 APART = {
     f"{CORE}.{name}"
-    for name in ("settings", "errors", "files", "checksums", "keys", "value_versions", "progress")
-}
+    for name in (
+        "settings", "profiles", "errors", "files", "checksums", "keys", "value_versions", "progress"
+    )
+}  # fmt: skip
 NAMED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 # Libraries that are installed under another name than they are imported by.
 INSTALLED_AS = {"skimage": "scikit-image", "PIL": "pillow"}

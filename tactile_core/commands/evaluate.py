@@ -34,7 +34,7 @@ def evaluate(own: str, actions: Any, channels: tuple[Any, ...]) -> None:
     from tactile_core.exploration.policies.own import own_policy
     from tactile_core.exploration.world.interface import Interface
     from tactile_core.home import find_artifacts
-    from tactile_core.settings import active_profile
+    from tactile_core.profiles import active_profile
 
     name, choice = loaded(own)
     run = stored_run(UPath(find_artifacts()))

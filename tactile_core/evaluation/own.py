@@ -16,9 +16,10 @@ from tactile_core.evaluation.unseen import refuse_known
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import read_table
+from tactile_core.profiles import Profile
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
-from tactile_core.settings import EvaluationSettings, Profile, RolloutSettings
+from tactile_core.settings import EvaluationSettings, RolloutSettings
 
 
 @dataclass(frozen=True)

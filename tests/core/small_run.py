@@ -14,8 +14,9 @@ from tactile_core.exploration.learning.train import train_policy
 from tactile_core.exploration.policies.index import write_index
 from tactile_core.exploration.policies.store import load_policies
 from tactile_core.files import write_table
+from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.trained import TrainedUNet, save_unet
-from tactile_core.settings import PROFILES, PolicySettings, RolloutSettings
+from tactile_core.settings import PolicySettings, RolloutSettings
 
 QUICK = PolicySettings(
     steps_per_stage=64, environments=4, rays_per_rollout=16, batch_size=64, epochs=1,

@@ -7,7 +7,7 @@ from tactile_core.dataset.sources.folders import as_path
 from tactile_core.dataset.things import find_thing
 from tactile_core.errors import TactileError
 from tactile_core.home import find_artifacts, find_home
-from tactile_core.settings import active_profile
+from tactile_core.profiles import active_profile
 
 SECRET = [
     "https://user:hush@host.org/a?X-Amz-Signature=hush",

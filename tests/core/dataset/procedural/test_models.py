@@ -14,7 +14,8 @@ from tactile_core.dataset.procedural.mugs import HANDLES, KINDS
 from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.errors import TactileError
-from tactile_core.settings import PROFILES, MeshSettings
+from tactile_core.profiles import PROFILES
+from tactile_core.settings import MeshSettings
 
 SETTINGS = MeshSettings(procedural_models={"mug": 60, "bottle": 120})
 
