@@ -72,7 +72,7 @@ ASSETS = [
 defs = dg.Definitions(
     assets=dg.with_source_code_references(ASSETS),
     asset_checks=[
-        *dg.load_asset_checks_from_modules([checks]),
+        *dg.load_asset_checks_from_package_module(checks),
         *(real.CHECKS if PROFILE.real else []),
     ],
     jobs=[*jobs.JOBS, prune.prune_job],

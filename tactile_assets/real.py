@@ -8,7 +8,7 @@ from upath import UPath
 
 from tactile_assets import columns
 from tactile_assets.automation import after
-from tactile_assets.checks import inside_the_circle
+from tactile_assets.checks.dataset import inside_the_circle
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.evaluation import (

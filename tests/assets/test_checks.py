@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tactile_assets import checks
+from tactile_assets.checks import dataset, evaluation, exploration, reconstruction
 from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
 from tactile_core.files import read_table, write_table
 from tactile_core.reconstruction.trained import load_unet
 
 
-def evaluation(result, check):
+def outcome(result, check):
     [found] = [e for e in result.get_asset_check_evaluations() if e.check_name == check]
     return found
 
@@ -47,7 +47,7 @@ def test_a_leak_between_splits_stops_the_run_before_outlines(copy_of_chain, monk
     monkeypatch.setattr(splits, "rotate_splits", leak)
     result = copy_of_chain.materialise("rotated_splits", "outlines", raise_on_error=False)
     assert not result.success
-    leaked = evaluation(result, "no_model_in_two_splits")
+    leaked = outcome(result, "no_model_in_two_splits")
     assert not leaked.passed and "1 models" in leaked.description
     assert result.get_step_success_events()
     assert "outlines" not in {event.step_key for event in result.get_step_success_events()}
@@ -55,29 +55,29 @@ def test_a_leak_between_splits_stops_the_run_before_outlines(copy_of_chain, monk
 
 def test_one_mesh_under_two_names_is_a_leak_too(chain):
     table = read_table(chain.store.path("rotated_splits.parquet"))
-    assert checks.no_model_in_two_splits(table).passed
+    assert dataset.no_model_in_two_splits(table).passed
     train = table.loc[table["split"] == "train", "content_hash"].iloc[0]
     test = table["split"] == "test"
     copied = table.assign(content_hash=table["content_hash"].where(~test, train))
-    assert not checks.no_model_in_two_splits(copied).passed
+    assert not dataset.no_model_in_two_splits(copied).passed
 
 
 def test_a_class_that_is_missing_from_a_split_is_unbalanced(chain):
     table = read_table(chain.store.path("rotated_splits.parquet"))
-    assert checks.classes_are_balanced(table).passed
+    assert dataset.classes_are_balanced(table).passed
     lacking = table[(table["split"] != "train") | (table["category"] != "mug")]
-    assert not checks.classes_are_balanced(lacking).passed
+    assert not dataset.classes_are_balanced(lacking).passed
 
 
 @pytest.mark.parametrize("fault", ["empty", "outside"])
 def test_masks_that_no_ray_could_explore_are_found(chain, fault):
     table = read_table(chain.store.path("masks.parquet"))
-    assert checks.masks_lie_inside_the_circle(table).passed
+    assert dataset.masks_lie_inside_the_circle(table).passed
     mask = np.zeros_like(decode_masks(table["mask"])[0])
     if fault == "outside":
         mask[0, 0] = True
     pictures = [encode_mask(mask), *table["mask"][1:]]
-    result = checks.masks_lie_inside_the_circle(table.assign(mask=pictures))
+    result = dataset.masks_lie_inside_the_circle(table.assign(mask=pictures))
     assert not result.passed
     assert table["model_id"][0] in result.metadata["first"].value
 
@@ -85,33 +85,33 @@ def test_masks_that_no_ray_could_explore_are_found(chain, fault):
 def test_touches_off_the_outline_and_touches_made_twice_are_found(chain):
     touches = read_table(chain.store.path("tactile_samples.parquet"))
     outlines = read_table(chain.store.path("outlines.parquet"))
-    assert checks.touches_lie_on_outlines(touches, outlines).passed
+    assert dataset.touches_lie_on_outlines(touches, outlines).passed
     for wrong in (np.zeros((1, 2), np.int16), np.repeat(touches["touches"][0][:1], 2, axis=0)):
         changed = touches.copy()
         changed.at[0, "touches"] = wrong
-        assert not checks.touches_lie_on_outlines(changed, outlines).passed
+        assert not dataset.touches_lie_on_outlines(changed, outlines).passed
 
 
 def test_an_outline_off_its_mask_and_a_sample_without_one_are_found(chain):
     outlines = read_table(chain.store.path("outlines.parquet"))
     splits = read_table(chain.store.path("rotated_splits.parquet"))
-    assert checks.outlines_lie_on_their_masks(outlines, splits).passed
+    assert dataset.outlines_lie_on_their_masks(outlines, splits).passed
     off = outlines.copy()
     off.at[0, "outline"] = np.zeros((1, 2), np.int16)
-    result = checks.outlines_lie_on_their_masks(off, splits)
+    result = dataset.outlines_lie_on_their_masks(off, splits)
     assert not result.passed and result.metadata["off_their_mask"].value == 1
-    result = checks.outlines_lie_on_their_masks(outlines[1:], splits)
+    result = dataset.outlines_lie_on_their_masks(outlines[1:], splits)
     assert not result.passed and result.metadata["without_an_outline"].value == 1
 
 
 def test_weights_that_are_no_numbers_and_another_resolution_are_found(chain):
     splits = read_table(chain.store.path("rotated_splits.parquet"))
     unet = load_unet(chain.store.path("unet"))
-    assert checks.the_unet_is_sound(unet, splits).passed
-    assert not checks.the_unet_is_sound(unet, splits.assign(resolution=128)).passed
+    assert reconstruction.the_unet_is_sound(unet, splits).passed
+    assert not reconstruction.the_unet_is_sound(unet, splits.assign(resolution=128)).passed
     name = next(iter(unet.weights))
     broken = {**unet.weights, name: unet.weights[name] * float("nan")}
-    result = checks.the_unet_is_sound(dataclasses.replace(unet, weights=broken), splits)
+    result = reconstruction.the_unet_is_sound(dataclasses.replace(unet, weights=broken), splits)
     assert not result.passed
     assert result.metadata["weights_not_finite"].value == unet.weights[name].numel()
 
@@ -119,25 +119,25 @@ def test_weights_that_are_no_numbers_and_another_resolution_are_found(chain):
 def test_policies_of_another_unet_are_found(chain):
     unet = load_unet(chain.store.path("unet"))
     directories = [chain.store.path("policies", name) for name in ("total-0", "gain-0")]
-    assert checks.policies_are_sound(directories, unet).passed
+    assert exploration.policies_are_sound(directories, unet).passed
     weights = {name: 2 * values for name, values in unet.weights.items()}
-    result = checks.policies_are_sound(directories, dataclasses.replace(unet, weights=weights))
+    result = exploration.policies_are_sound(directories, dataclasses.replace(unet, weights=weights))
     assert not result.passed and result.metadata["of_another_unet"].value == 2
 
 
 def test_a_policy_that_reconstructs_no_better_with_all_touches_is_found(chain):
     table = read_table(chain.store.path("per_grasp_evaluation.parquet"))
     rising = table.assign(jaccard=table["grasp"] * 5.0)
-    assert checks.touches_raise_the_jaccard_index(rising).passed
+    assert evaluation.touches_raise_the_jaccard_index(rising).passed
     flat = rising.assign(jaccard=rising["jaccard"].where(rising["policy"] != "total", 50.0))
-    result = checks.touches_raise_the_jaccard_index(flat)
+    result = evaluation.touches_raise_the_jaccard_index(flat)
     assert not result.passed and result.metadata["policies_no_better"].value == 1
 
 
 def test_meshes_set_aside_are_counted_with_their_reasons(chain):
     table = read_table(chain.store.path("shapenet_meshes.parquet"))
     table.loc[0, "status"] = "has no faces"
-    result = checks.meshes_are_usable(table)
+    result = dataset.meshes_are_usable(table)
     assert not result.passed and result.severity == dg.AssetCheckSeverity.WARN
     assert result.description == "1 of 12 meshes set aside"
     assert result.metadata["meshes_set_aside"].records[0].data["status"] == "has no faces"
@@ -148,7 +148,7 @@ def test_a_unet_worse_than_the_mean_shape_is_found(chain):
     splits = read_table(chain.store.path("rotated_splits.parquet"))
     outlines = read_table(chain.store.path("outlines.parquet"))
     for jaccard, passed in ((99.0, True), (1.0, False)):
-        result = checks.the_unet_beats_the_mean_shape(
+        result = reconstruction.the_unet_beats_the_mean_shape(
             table.assign(jaccard=jaccard), splits, outlines
         )
         assert result.passed == passed
@@ -158,24 +158,24 @@ def test_policies_no_better_than_random_are_found_and_only_warn_in_smoke(chain):
     table = read_table(chain.store.path("per_step_evaluation.parquet"))
     trained = table["policy"].isin(["total", "gain", "recall"])
     better = table.assign(jaccard=np.where(trained, 90.0, 50.0))
-    assert checks.trained_policies_beat_random(better).passed
+    assert evaluation.trained_policies_beat_random(better).passed
     worse = better.assign(jaccard=better["jaccard"].where(table["policy"] != "gain", 49.0))
-    result = checks.trained_policies_beat_random(worse)
+    result = evaluation.trained_policies_beat_random(worse)
     assert not result.passed and result.severity == dg.AssetCheckSeverity.WARN
     assert result.description == "1 of 3 policies do not beat random (50.0)"
 
 
 def test_an_evaluation_without_random_is_not_judged_by_it(chain):
     table = read_table(chain.store.path("per_step_evaluation.parquet"))
-    result = checks.trained_policies_beat_random(table[table["policy"] == "even"])
+    result = evaluation.trained_policies_beat_random(table[table["policy"] == "even"])
     assert result.passed and result.description == "random was not evaluated"
 
 
 def test_a_trained_policy_that_loses_to_random_is_told(chain, monkeypatch):
-    monkeypatch.setattr(checks, "UNLESS_SMOKE", dg.AssetCheckSeverity.ERROR)
+    monkeypatch.setattr(evaluation, "UNLESS_SMOKE", dg.AssetCheckSeverity.ERROR)
     table = read_table(chain.store.path("per_step_evaluation.parquet"))
     table = table.assign(jaccard=np.where(table["policy"] == "total", 10.0, 50.0))
-    lost = checks.trained_policies_beat_random(table[table["policy"].isin(["random", "total"])])
+    lost = evaluation.trained_policies_beat_random(table[table["policy"].isin(["random", "total"])])
     assert (lost.passed, lost.severity) == (False, dg.AssetCheckSeverity.ERROR)
 
 
@@ -184,4 +184,4 @@ def test_checks_can_be_run_alone_on_what_is_stored(copy_of_chain):
     leaked = table.assign(model_id="one")
     write_table(leaked, copy_of_chain.store.path("rotated_splits.parquet"))
     result = copy_of_chain.check("rotated_splits")
-    assert not evaluation(result, "no_model_in_two_splits").passed
+    assert not outcome(result, "no_model_in_two_splits").passed

@@ -1,0 +1,35 @@
+"""The check of policies."""
+
+import dagster as dg
+from upath import UPath
+
+from tactile_assets.checks.telling import first
+from tactile_assets.io_managers import TrainedUNet
+
+
+@dg.asset_check(asset="policies", additional_ins={"unet": dg.AssetIn("unet")})
+def policies_are_sound(policies: list[UPath], unet: TrainedUNet) -> dg.AssetCheckResult:
+    """Every policy was trained with this U-Net, and no weight is infinite or no number."""
+    from tactile_core.exploration.policies.store import describe, read_weights
+
+    stored = {directory.name: describe(directory) for directory in policies}
+    of_another = [name for name, policy in stored.items() if policy.unet != unet.version()]
+    broken = [
+        directory.name
+        for directory in policies
+        if not all(
+            weights.isfinite().all()
+            for weights in read_weights(directory, stored[directory.name]).values()
+        )
+    ]
+    return dg.AssetCheckResult(
+        passed=not of_another and not broken,
+        description=f"{len(of_another)} of {len(policies)} policies are of another U-Net, "
+        f"{len(broken)} have weights that are not finite",
+        metadata={
+            "policies": len(policies),
+            "of_another_unet": len(of_another),
+            "with_weights_not_finite": len(broken),
+            "first": first([*of_another, *broken]),
+        },
+    )
