@@ -24,7 +24,7 @@ $(STAMP):
 	@touch $@
 
 test: install ## Install what is missing and run the tests, in random order on all cores
-	@$(ACTIVATE) && pytest -n auto --maxprocesses 8 --dist loadscope
+	@$(ACTIVATE) && pytest -n auto --maxprocesses 8 --dist loadscope --no-loadscope-reorder
 
 mutants: install ## See whether the tests tell small changes of the code (hours); docs/mutation.md
 	@$(ACTIVATE) && python -m tests.mutants
