@@ -107,7 +107,7 @@ def run(python: Path, *arguments: str, home: Path) -> str:
     kept = {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
     environment = kept | {"HOME": str(home), "XDG_DATA_HOME": str(home / "data")}
     done = subprocess.run(
-        [python, *arguments], env=environment, cwd=home, capture_output=True, text=True, timeout=280
+        [python, *arguments], env=environment, cwd=home, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -61,7 +61,6 @@ def shell(
         env=environment(home, **variables),
         capture_output=True,
         text=True,
-        timeout=280,
         cwd=REPOSITORY,
     )
 

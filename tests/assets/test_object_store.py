@@ -29,7 +29,6 @@ def s3(monkeypatch) -> Iterator[ObjectStore]:
         yield store
 
 
-@pytest.mark.timeout(600)
 def test_a_killed_run_ends_in_the_data_versions_of_one_on_a_disk(chain, s3, tmp_path):
     config = tmp_path / "tiny.yaml"
     config.write_text(json.dumps(run_config()))

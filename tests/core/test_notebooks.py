@@ -16,7 +16,7 @@ def test_a_notebook_runs_to_its_end(path: Path, home: Path, tmp_path: Path, monk
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     monkeypatch.setenv("PYTHONPATH", str(path.parents[1]))
     notebook = jupytext.read(path)
-    NotebookClient(notebook, timeout=120, kernel_name="python3").execute(cwd=tmp_path)
+    NotebookClient(notebook, timeout=600, kernel_name="python3").execute(cwd=tmp_path)
     pictures = [
         output
         for cell in notebook.cells
