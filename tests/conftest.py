@@ -9,8 +9,8 @@ from hypothesis import settings
 settings.register_profile("tests", deadline=None)
 settings.load_profile("tests")
 
-# These take the longest and begin first: a process that is left with one of them at the end keeps the
-# others idle. The first makes the finished run; the next few do not wait for it.
+# These take the longest and begin first: a process that is left with one of them at the end keeps
+# the others idle. The first makes the finished run; the next few do not wait for it.
 FIRST = [
     "assets/test_chain.py",
     "assets/test_daemon.py",

@@ -20,7 +20,7 @@ ROOMS = {
     ],
     "play": [
         "aim", "game", "drawing", "hidden", "materials", "scene", "workers", "legend", "chart",
-        "board", "page", "server",
+        "board", "view", "page", "server",
     ],
 }  # fmt: skip
 
