@@ -45,7 +45,8 @@ def test_a_whole_game_against_a_policy_with_the_mouse(page):
     play(page, 7)
     assert signs(page, "you", "touch") + signs(page, "you", "miss") == 7
     assert signs(page, "you", "miss") >= 1
-    assert 1 <= signs(page, "opponent", "touch") <= 7  # it may miss, or meet a touch again
+    expect(page.locator(".opponent .touch")).not_to_have_count(0)  # it thinks for a while
+    assert signs(page, "opponent", "touch") <= 7  # it may miss, or meet a touch again
     assert signs(page, "you", "truth") == signs(page, "opponent", "truth") == 0
     for number in (8, 9, 10):
         drag(page, 2.4 * number)
