@@ -28,6 +28,7 @@ from tactile_core.dataset.drawings import mask_of_picture
 from tactile_core.dataset.meshes import collect_meshes
 from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
 from tactile_core.dataset.sources.parsing import parse_mesh
+from tactile_core.dataset.sources.places import find_places
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.store import (
@@ -184,7 +185,9 @@ def config_doors() -> Iterator[Door]:
             rng = np.random.default_rng(zlib.crc32(data))
             fields = [*config.model_fields, "unheard_of"]  # type: ignore[attr-defined]
             chosen = rng.choice(fields, rng.integers(1, 4), replace=False)
-            config(**{name: VALUES[rng.integers(len(VALUES))] for name in chosen})
+            made = config(**{name: VALUES[rng.integers(len(VALUES))] for name in chosen})
+            if isinstance(made, MeshSettings):
+                find_places(made)
 
         yield Door(f"config: {config.__name__}", [config.__name__.encode()], enter)
 

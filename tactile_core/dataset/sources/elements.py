@@ -50,7 +50,7 @@ def by_words(values: np.ndarray, elements: list[Element]) -> Table:
         read = _unlike_rows if element.lists else _alike_rows
         table[element.name], at = read(values, at, element)
     if more := len(values) - at:
-        raise TactileError(f"has {more} numbers more than its header announces")
+        raise TactileError(f"has more numbers than its header announces ({more} of them)")
     return table
 
 

@@ -97,7 +97,7 @@ def _by_lines(
     if len(at) - len(broken) < faces_announced:
         raise _missing(len(at) - len(broken), faces_announced, "faces")
     if more := len(counts) - last:
-        raise TactileError(f"has {more} lines more than its header announces")
+        raise TactileError(f"has more lines than its header announces ({more} of them)")
     return vertices, fans(corners, whole(gathered(values, at + 1, corners)))
 
 

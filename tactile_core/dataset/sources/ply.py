@@ -158,7 +158,7 @@ def _by_lines(counts: np.ndarray, values: np.ndarray, elements: list[Element]) -
         line = last
         table[element.name] = columns
     if more := len(counts) - line:
-        raise TactileError(f"has {more} lines more than its header announces")
+        raise TactileError(f"has more lines than its header announces ({more} of them)")
     return table
 
 

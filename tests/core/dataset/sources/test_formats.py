@@ -169,12 +169,24 @@ ONE_LINE_STL = rearranged(text_stl(), 0, 10_000)
     [
         (rearranged(ply(), 9, 6)[:-12], ".ply", "has 13 of 14 faces"),
         (rearranged(ply(), 9, 2)[:300], ".ply", "of 24 vertices: it is cut off"),
-        (rearranged(ply() + b"3 0 1 2\n", 9, 6), ".ply", "has 4 numbers more than its header"),
-        (ply() + b"3 0 1 2\n", ".ply", "has 1 lines more than its header announces"),
+        (
+            rearranged(ply() + b"3 0 1 2\n", 9, 6),
+            ".ply",
+            "has more numbers than its header announces (4 of",
+        ),
+        (ply() + b"3 0 1 2\n", ".ply", "has more lines than its header announces (1 of them)"),
         (rearranged(off(), 2, 6)[:-12], ".off", "has 13 of 14 faces"),
         (rearranged(off(), 2, 1)[:200], ".off", "of 24 vertices: it is cut off"),
-        (rearranged(off() + b"3 0 1 2\n", 2, 6), ".off", "has 4 numbers more than its header"),
-        (off() + b"3 0 1 2\n3 0 1 2\n", ".off", "has 2 lines more than its header announces"),
+        (
+            rearranged(off() + b"3 0 1 2\n", 2, 6),
+            ".off",
+            "has more numbers than its header announces (4 of",
+        ),
+        (
+            off() + b"3 0 1 2\n3 0 1 2\n",
+            ".off",
+            "has more lines than its header announces (2 of them)",
+        ),
         (off().replace(b"4 0 1 ", b"9 0 1 "), ".off", "fewer corners on its line"),
         (ONE_LINE_STL[:-200], ".stl", "faces and no end: it is cut off"),
         (ONE_LINE_STL.replace(b"facet normal", b"plane normal", 1), ".stl", "132 vertices for 43"),
