@@ -14,6 +14,8 @@ settings.load_profile("tests")
 FIRST = [
     "assets/test_chain.py",
     "assets/test_daemon.py",
+    "core/reconstruction/test_search.py",
+    "core/test_cluster.py",
     "assets/test_homes.py",
     "test_wheel.py",
     "test_bench.py",
