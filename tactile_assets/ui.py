@@ -20,7 +20,7 @@ from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 
 HOST, PORT = "127.0.0.1", 3000
-PATIENCE = 20.0  # seconds that a service has to end by itself
+PATIENCE = 5.0  # seconds that both have to end by themselves: pages that stay open hold them
 GROUPS = ("dataset", "reconstruction", "exploration", "evaluation")
 GRAPH = "/asset-groups?expanded=" + ",".join(f"global@global:{group}" for group in GROUPS)
 RESULTS = "/assets/per_step_evaluation"
@@ -72,12 +72,13 @@ def start(module: str, *options: str) -> subprocess.Popen:
 
 
 def end(services: Sequence[subprocess.Popen]) -> None:
-    """Ask all of them to end, and see to it that they do."""
+    """Ask all of them to end, and end those that do not; runs are processes of their own."""
     for process in services:
         process.terminate()
+    last = time.monotonic() + PATIENCE
     for process in services:
         try:
-            process.wait(PATIENCE)
+            process.wait(max(0, last - time.monotonic()))
         except subprocess.TimeoutExpired:
             process.kill()
 
