@@ -1,6 +1,7 @@
 """`tactile feel THING`: a policy feels out anything, and shows what it found after each ray."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,8 @@ def feel(thing: str, name: str, rays: int, seed: int, out: Path, as_json: bool) 
     0 to 100. U-Net and policy are those of the last finished run in the home or, without one, those
     that the package ships.
     """
+    if sys.stderr.isatty():  # PyTorch takes seconds to load
+        click.echo("Loading the U-Net and the policy …", err=True)
     from tactile_core.dataset.things import find_thing
     from tactile_core.evaluation.replay import feel_out
     from tactile_core.exploration.acting import find_policy

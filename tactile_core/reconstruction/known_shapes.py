@@ -97,7 +97,7 @@ class KnownShapes(nn.Module):
         share = coarse(every, functional.avg_pool2d).numpy()
         touch = -((np.minimum(distance, farthest) / spread) ** 2) / 2
         blocks = -functional.max_pool2d(-within[:, None], 2)[:, 0]
-        self.register_buffer("touch", oriented(touch).T.contiguous(), persistent=False)
+        self.register_buffer("touch", oriented_by_cell(touch), persistent=False)
         self.register_buffer("free", -FREE_PIXEL * oriented(blocks.numpy()), persistent=False)
         self.register_buffer("inside", oriented(share), persistent=False)
 
@@ -155,6 +155,15 @@ def coarse(images: Tensor, pool: Callable[..., Tensor] = functional.max_pool2d) 
         block *= 2
     window = images[:, None, margin : resolution - margin, margin : resolution - margin]
     return pool(window, block)[:, 0]
+
+
+def oriented_by_cell(images: np.ndarray) -> Tensor:
+    """What `oriented` returns, transposed, (C², 8n): to turn an image is to take its cells in
+    another order, and rows are copied far faster than they are transposed."""
+    by_cell = np.ascontiguousarray(images.reshape(len(images), -1).T, dtype=np.float32)  # (C², n)
+    cells = np.arange(len(by_cell)).reshape(1, *images.shape[1:])
+    turned = [by_cell[orient(cells, turn).ravel()] for turn in range(ORIENTATIONS)]
+    return torch.from_numpy(np.concatenate(turned, axis=1))
 
 
 def oriented(images: np.ndarray) -> Tensor:

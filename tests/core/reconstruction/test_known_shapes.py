@@ -10,7 +10,14 @@ from torch.nn import functional
 from tactile_core.exploration.practice.ray_touches import free_images, plain_sequences
 from tactile_core.reconstruction import known_shapes
 from tactile_core.reconstruction.batches import ORIENTATIONS, felt_outlines, orient, touch_images
-from tactile_core.reconstruction.known_shapes import KnownShapes, coarse, pack, unpack
+from tactile_core.reconstruction.known_shapes import (
+    KnownShapes,
+    coarse,
+    oriented,
+    oriented_by_cell,
+    pack,
+    unpack,
+)
 
 seeds = st.integers(0, 2**31)
 
@@ -45,6 +52,11 @@ def test_of_too_many_shapes_some_are_picked_evenly(monkeypatch):
     monkeypatch.setattr(known_shapes, "MOST", 3)
     masks = np.random.default_rng(0).random((8, 48, 48)) < 0.5
     np.testing.assert_array_equal(unpack(pack(masks), 48), masks[::3])
+
+
+def test_cells_of_turned_shapes_are_the_same_however_they_are_laid_out():
+    images = np.random.default_rng(0).random((3, 6, 6))
+    np.testing.assert_array_equal(oriented_by_cell(images), oriented(images).T)
 
 
 def test_before_anything_is_felt_every_shape_is_as_probable(known):
