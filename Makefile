@@ -18,8 +18,9 @@ $(STAMP):
 	  || { echo "Python 3.11 or newer is needed; name it: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
 	@echo "Installing into .venv: about 2.5 GB, one to five minutes"
 	@$(PYTHON) -m venv --clear .venv || { echo "No venv could be made (Debian: apt install python3-venv)"; exit 1; }
-	@$(PIP) -e '.[dev]'
-	@$(PIP) --no-deps hpbandster  # it asks for netifaces, which needs a compiler and is never imported
+	@$(PIP) --no-compile -e '.[dev]'
+	@$(PIP) --no-compile --no-deps hpbandster  # it asks for netifaces, which needs a compiler and is never imported
+	@.venv/bin/python -m compileall -qq -j 0 .venv/lib || true  # on all processors, where pip takes one
 	@echo '. "$$VIRTUAL_ENV/../environment.sh"' >> .venv/bin/activate
 	@touch $@
 
