@@ -60,7 +60,13 @@ THE_SAME = [
     (r"reshape\(\(?-\d", "reshape(-1"),
     (r"(strict|frozen|optimize)=(True|False)", ""),
     (r"if (not )?TYPE_CHECKING", ""),
+    (r"theta [+-] np\.pi", "the other way"),
+    (r"(last_\w+|rows) >=? (row|column)", r"\1 > \2"),
 ]
+# As do a loop that goes on once it has found something and finds the same again, and code that is
+# not compiled.
+ONLY_SLOWER = ("break", "continue")
+COMPILED = ("@compiled", "@numba.njit")
 
 
 class Mutant(NamedTuple):
@@ -98,10 +104,14 @@ def mutants(source: str) -> Iterator[Mutant]:
             if changed is not None and changed != source:
                 before, after = (text.splitlines()[line - 1].strip() for text in (source, changed))
                 what = f"line {line}, {kind} {parts}: {after}"
-                yield Mutant(what, changed, kind != "RemoveDecorator" and same(before, after))
+                decorated = kind == "RemoveDecorator"
+                equal = before.startswith(COMPILED) if decorated else same(before, after)
+                yield Mutant(what, changed, equal)
 
 
 def same(before: str, after: str) -> bool:
+    if (before, after) == ONLY_SLOWER:
+        return True
     for pattern, common in THE_SAME:
         before, after = re.sub(pattern, common, before), re.sub(pattern, common, after)
     return before == after

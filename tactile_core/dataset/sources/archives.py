@@ -46,6 +46,10 @@ def open_archive(path: Path, name: str | None = None) -> zipfile.ZipFile:
         raise TactileError(f"{name} is missing: put the archive there") from error
     except TactileError:
         raise
+    except UnicodeDecodeError as error:  # nothing in it can be read by `zipfile` then
+        raise TactileError(
+            f"{name} has a member whose name is not in UTF-8, as it says it is: pack it anew"
+        ) from error
     except Exception as error:  # zipfile and struct have a dozen kinds between them
         raise TactileError(
             f"{name} is a zip archive that is damaged or cut off ({one_line(error)}): "

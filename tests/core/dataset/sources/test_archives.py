@@ -355,6 +355,12 @@ def test_a_truncated_archive_says_so_and_is_left_where_it_is(tmp_path):
     assert path.exists()
 
 
+def test_a_name_that_is_not_what_it_says_is_told(tmp_path):
+    path = make_zip(tmp_path / "a.zip", {GOOD: b"v", "caf\u00e9.txt": b"x"})
+    path.write_bytes(path.read_bytes().replace("\u00e9".encode(), b"\xe9\xe9"))
+    assert "whose name is not in UTF-8, as it says it is: pack it anew" in refusal(path)
+
+
 def test_a_missing_archive_is_named(tmp_path):
     assert "is missing" in refusal(tmp_path / "a.zip")
 

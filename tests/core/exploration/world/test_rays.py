@@ -78,6 +78,16 @@ def test_free_is_exactly_what_lies_before_the_touch(drawn):
         assert set(map(tuple, np.argwhere(image).tolist())) == expected
 
 
+@pytest.mark.parametrize("apart", [0, 1, 2, -1, -2])
+def test_rays_of_few_pixels_are_lines_too(apart):
+    pixels = len(circle_pixels(32))
+    rays = np.stack([np.arange(pixels), (np.arange(pixels) + apart) % pixels], axis=1)
+    free = np.zeros((pixels, 32, 32), np.uint8)
+    mark_free(free, rays, np.full((pixels, 2), -1, np.int16))
+    for ray, image in zip(rays, free, strict=True):
+        assert set(map(tuple, np.argwhere(image).tolist())) == set(line_of(ray, 32))
+
+
 def test_what_was_free_stays_free_and_is_not_found_again():
     free = np.zeros((1, 32, 32), np.uint8)
     ray, missed = np.array([[0, 40]]), np.array([[-1, -1]], np.int16)
@@ -143,6 +153,7 @@ def test_the_outermost_candidate_rays_pass_a_pixel_inside_the_middle_half():
 
 def test_an_episode_has_the_reports_ten_rays():
     assert world_rays.RAYS == 10
+    assert world_rays.RAY_LIMIT == 100  # where ten touches are wanted
 
 
 def test_the_pixels_along_candidate_rays_are_those_of_their_lines():
