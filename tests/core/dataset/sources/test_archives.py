@@ -155,6 +155,17 @@ def test_a_mesh_may_pack_two_hundred_to_one_and_no_better(tmp_path):
         safe_members(archive, [".obj"])
 
 
+def test_up_to_sixteen_megabytes_a_mesh_may_pack_as_it_likes(tmp_path):
+    size = 16 * 1024**2
+    with declared(tmp_path / "a.zip", [size], 1) as archive:
+        assert len(safe_members(archive, [".obj"])) == 1
+    with (
+        declared(tmp_path / "a.zip", [size + 1], 1) as archive,
+        pytest.raises(TactileError, match="unpacks to more than 200 times its size"),
+    ):
+        safe_members(archive, [".obj"])
+
+
 def test_files_and_folders_as_unix_marks_them_are_taken(tmp_path):
     path = tmp_path / "a.zip"
     with zipfile.ZipFile(path, "w") as archive:

@@ -1,5 +1,7 @@
 """Many explorations in step."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -102,14 +104,32 @@ def test_the_u_net_is_asked_again_only_where_more_was_felt(
     assert asked == ([8, 8] if either_reconstructor.free_space else [0, new.sum()])
 
 
-def test_a_first_touch_outside_the_middle_half_is_seen_as_the_u_net_sees_it(reconstructor):
+@pytest.mark.parametrize("quarters", range(4))
+@pytest.mark.parametrize("row", [10, 15, 16])
+def test_a_first_touch_at_any_side_is_seen_as_the_u_net_sees_it(reconstructor, row, quarters):
+    """Outside the middle half, and just inside it."""
     mask = np.zeros((1, 64, 64), bool)
-    mask[0, 10, 20:44] = True
+    mask[0, row, 20:44] = True
+    mask = np.rot90(mask, quarters, axes=(1, 2))
     explorations = Explorations(mask, reconstructor)
-    cast = explorations.cast(towards_middle(np.array([np.pi]), 64))
-    assert cast.touches.tolist() == [[10, 31]] or cast.touches.tolist() == [[10, 32]]
+    cast = explorations.cast(towards_middle(np.array([np.pi + quarters * np.pi / 2]), 64))
+    assert not cast.missed.any() and min(*cast.touches[0], *(63 - cast.touches[0])) == row
     expected = reconstructor.predict(explorations.touches)
     np.testing.assert_allclose(explorations.predictions, expected, atol=1e-5)
+
+
+def test_each_new_touch_of_each_exploration_has_a_number_of_its_own(shapes, reconstructor):
+    explorations = Explorations(shapes["test"].masks, reconstructor)
+    explorations.cast(candidate_rays(64)[:8, 5])
+    owners, rays, hits, numbers = explorations.try_candidates()
+    assert len(owners) == len(rays) == len(hits) == 8 * candidate_rays(64)[..., 0].size
+    new = numbers >= 0
+    places = list(map(tuple, np.column_stack([owners, hits])[new].tolist()))
+    pairs = set(zip(places, numbers[new].tolist(), strict=True))
+    assert len(pairs) == len(set(places)) == len(set(numbers[new].tolist()))
+    ends = [(numbers[new & (owners == one)].min(), numbers[new & (owners == one)].max())
+            for one in range(8)]  # fmt: skip
+    assert all(before[1] < after[0] for before, after in itertools.pairwise(ends))
 
 
 def test_what_a_policy_sees_is_the_reconstruction_and_the_touches(shapes, reconstructor):
