@@ -38,14 +38,19 @@ from tactile_assets import (
 from tactile_assets.config import PROFILE
 from tactile_assets.dagster_internals import make_default_console
 from tactile_assets.resources import Store
+from tactile_core.spread import on_cluster
 
 STORE = Store.from_environment()
+STEPS_AT_A_TIME = 16  # where a Ray cluster does their work, and they only wait for it
 # Small steps are over before a process has started; long ones run side by side, one a core.
 STEPS = (
     dg.in_process_executor
-    if PROFILE.name == "smoke"
+    if PROFILE.name == "smoke" and not on_cluster()
     else dg.multiprocess_executor.configured(
-        {"start_method": {"forkserver": {"preload_modules": ["tactile_assets.preload"]}}}
+        {
+            "max_concurrent": STEPS_AT_A_TIME if on_cluster() else None,
+            "start_method": {"forkserver": {"preload_modules": ["tactile_assets.preload"]}},
+        }
     )
 )
 

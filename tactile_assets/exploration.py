@@ -11,7 +11,7 @@ from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import OWNERS, SECTION, numbers, shown
 from tactile_assets.resources import Store
-from tactile_assets.trainings import PlannedTraining
+from tactile_assets.trainings import POOL, PlannedTraining
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.approaches import APPROACHES
 from tactile_core.files import content_hash, read_table
@@ -60,7 +60,10 @@ def plan_trainings(
             )
 
 
-@dg.op(retry_policy=dg.RetryPolicy(max_retries=2, delay=5, backoff=dg.Backoff.EXPONENTIAL))
+@dg.op(
+    pool=POOL,
+    retry_policy=dg.RetryPolicy(max_retries=2, delay=5, backoff=dg.Backoff.EXPONENTIAL),
+)
 def train_policy(
     context: dg.OpExecutionContext,
     store: Store,
@@ -73,16 +76,19 @@ def train_policy(
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.learning import train as core
     from tactile_core.exploration.learning.approaches import find_approach
+    from tactile_core.spread import TRAINING, handed_over
 
     try:
-        version = core.train_policy(
+        version = handed_over(
+            core.train_policy,
             find_approach(training.approach),
             training.seed,
             load_shapes(rotated_splits, outlines, "train"),
             unet,
             training.settings,
             directory=store.path("policies", training.name),
-            work=store.work("policies", training.name),
+            work=store.far_work("policies", training.name),
+            needs=TRAINING,
             progress=context.log.info,
         )
     except Exception as error:
@@ -116,7 +122,7 @@ def gather_policies(
         ),
         "policies": len(trained),
         **numbers("jaccard at the end of training", last["jaccard"].set_axis(names)),
-        "tensorboard": dg.MetadataValue.path(store.work("policies")),
+        "tensorboard": dg.MetadataValue.path(str(store.far_work("policies"))),
     }
     version = dg.DataVersion(content_hash(sorted(versions.items())))
     store.forget_steps(context.run_id)

@@ -69,7 +69,7 @@ def unet_search(
         SearchSettings(**config.model_dump()),  # Ray's workers know nothing of Dagster
         touches=touch_source(config.touches, train, tactile_samples, seed=config.seed),
         previous=store.previous("unet_search"),
-        work=store.work("unet_search"),
+        work=store.far_work("unet_search"),
         token=Path(store.home, "ray-token"),
         progress=context.log.info,
     )
@@ -107,13 +107,17 @@ def practice_rays(
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.practice.practice import practise
     from tactile_core.reconstruction.hyperparameters import with_best_trial
+    from tactile_core.spread import LARGE_TRAINING, handed_over
 
     began = time.perf_counter()
-    table = practise(
+    settings = with_best_trial(config, unet_search)
+    table = handed_over(
+        practise,
         load_shapes(rotated_splits, outlines, "train"),
         load_shapes(rotated_splits, outlines, "eval"),
-        with_best_trial(config, unet_search),
-        work=store.work("practice_rays"),
+        PracticeSettings(**settings.model_dump()),
+        work=store.far_work("practice_rays"),
+        needs=LARGE_TRAINING,
         progress=context.log.info,
     )
     missed = table["touches"].map(lambda touches: (touches[:, 0] < 0).mean())
@@ -167,9 +171,10 @@ def unet(
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.hyperparameters import with_best_trial
     from tactile_core.reconstruction.training import train_unet
+    from tactile_core.spread import LARGE_TRAINING, handed_over
 
     began = time.perf_counter()
-    work = store.work("unet")
+    work = store.far_work("unet")
     train = load_shapes(rotated_splits, outlines, "train")
     eval_shapes = load_shapes(rotated_splits, outlines, "eval")
     settings = with_best_trial(config, unet_search)
@@ -180,11 +185,13 @@ def unet(
         settings.touches, train, tactile_samples,
         seed=settings.seed, free_space=settings.free_space, practice=practice,
     )  # fmt: skip
-    trained = train_unet(
+    trained = handed_over(
+        train_unet,
         train,
         eval_shapes,
-        settings,
+        UNetSettings(**settings.model_dump()),
         work=work,
+        needs=LARGE_TRAINING,
         touches=touches,
         previous=previous_unet(store),
         progress=context.log.info,
@@ -202,7 +209,7 @@ def unet(
             "parameters": sum(weights.numel() for weights in trained.weights.values()),
             "seconds": seconds_since(began),
             "settings": dg.MetadataValue.json(trained.settings),
-            "tensorboard": dg.MetadataValue.path(work / "tensorboard"),
+            "tensorboard": dg.MetadataValue.path(str(work / "tensorboard")),
         },
     )
 

@@ -13,6 +13,7 @@ from upath import UPath
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table, written_whole
 from tactile_core.home import check_one_home, find_artifacts, find_home
+from tactile_core.spread import on_cluster
 
 logger = logging.getLogger(__name__)
 
@@ -42,6 +43,11 @@ class Store(dg.ConfigurableResource):
     def work(self, *parts: str) -> Path:
         """A local folder for downloads, checkpoints and TensorBoard curves."""
         return Path(self.home, "cache", *parts)
+
+    def far_work(self, *parts: str) -> Path | UPath:
+        """A place for the checkpoints of work that a Ray cluster takes over, where there is one: in
+        the store, as another node may have to go on. Else the same local folder as `work`."""
+        return self.path("cache", *parts) if on_cluster() else self.work(*parts)
 
     def local_folders(self) -> list[Path]:
         """The home and, where it is a folder that this machine sees, that of the artifacts."""

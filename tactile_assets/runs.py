@@ -20,6 +20,7 @@ from tactile_core.files import remove_parts, written_whole
 from tactile_core.home import LAST_PROFILE
 from tactile_core.processes import Worker
 from tactile_core.ray_folders import remove_dead_rays
+from tactile_core.spread import on_cluster
 
 LOCATION, DEFINITIONS = "tactile-exploration", "tactile_assets.definitions"  # see workspace.yaml
 
@@ -44,6 +45,11 @@ class OneAtATime(dg.Executor):
         return self.executor.step_dependency_config
 
     def execute(self, plan_context: Any, execution_plan: Any) -> Iterator[dg.DagsterEvent]:
+        if on_cluster():
+            from tactile_core.cluster import joined
+
+            with joined():  # what does not fit is told before anything is made
+                pass
         instance, run, log = plan_context.instance, plan_context.dagster_run, plan_context.log
         count_as_run_of(LOCATION, DEFINITIONS, instance, run.run_id)
         worker = Worker.here()
@@ -100,6 +106,7 @@ def end_dead_runs(instance: dg.DagsterInstance) -> list[str]:
             instance.report_run_canceled(run, sentence)
         else:
             instance.report_run_failed(run, sentence)
+        instance.event_log_storage.free_concurrency_slots_for_run(run.run_id)
         sentences.append(f"run {run.run_id} has ended: {sentence}")
     return sentences
 

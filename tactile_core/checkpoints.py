@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from upath import UPath
 
 from tactile_core.checksums import sealed, unsealed
 from tactile_core.files import written_whole
@@ -20,7 +21,7 @@ logger = logging.getLogger(__name__)
 ARRAY = "numpy array"  # the key of a dict that stands for one
 
 
-def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
+def save_checkpoint(path: Path | UPath, key: str, state: dict[str, Any]) -> None:
     """Write `state` whole, under the `key` of all inputs and settings that it belongs to."""
     saved = io.BytesIO()
     torch.save({"key": key, "state": plain(state)}, saved)
@@ -28,7 +29,7 @@ def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
         file.write(sealed(saved.getvalue()))
 
 
-def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
+def load_checkpoint(path: Path | UPath, key: str) -> dict[str, Any] | None:
     """The state at `path`; None where there is none, or it is damaged or of another key."""
     if not path.exists():
         return None

@@ -69,6 +69,13 @@ def remove_parts(folder: Path) -> int:
     return len(parts)
 
 
+def remove_folder(folder: Path | UPath) -> None:
+    """Remove a folder, on a disk or in an object store, if it is there."""
+    place = UPath(folder)
+    if place.exists():
+        place.fs.rm(place.path, recursive=True)
+
+
 @contextlib.contextmanager
 def _written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
     """On a disk it is written aside and renamed. An object store has no rename, but an object there

@@ -22,11 +22,11 @@ from tactile_core.settings import Settings
 
 CORE = "tactile_core"
 FOLDER = Path(__file__).resolve().parent
-# Every module imports these, and what they do shows in the settings and in the content itself.
+# Most modules import these, and what they do shows in the settings and in the content itself.
 APART = {
-    f"{CORE}.{name}"
-    for name in (
-        "settings", "profiles", "errors", "files", "checksums", "keys", "value_versions", "progress"
+    f"{CORE}.{name}" for name in (
+        "settings", "profiles", "errors", "files", "checksums", "keys", "value_versions",
+        "progress", "spread",
     )
 }  # fmt: skip
 NAMED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)

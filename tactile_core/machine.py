@@ -31,6 +31,12 @@ def cgroup_processors(root: Path) -> float:
     return math.inf
 
 
+def has_gpu() -> bool:
+    """Whether this machine has an NVIDIA GPU that is not hidden; PyTorch takes seconds to tell."""
+    hidden = os.environ.get("CUDA_VISIBLE_DEVICES") in ("", "-1")
+    return not hidden and any(Path("/dev").glob("nvidia[0-9]*"))
+
+
 def processor() -> str:
     """The processor's name, with family and model, since virtual machines often hide the name."""
     cpuinfo = Path("/proc/cpuinfo")

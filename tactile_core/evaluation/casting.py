@@ -3,7 +3,7 @@
 import contextlib
 import threading
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -46,15 +46,14 @@ def cast_one(
 ) -> pd.DataFrame:
     """Its rows in the order of the rays; what `work` keeps of a run that was killed is not cast
     again."""
-    starts = range(0, len(test), SAMPLES_AT_A_TIME)
+    portions = list(portions_of(test))
     tables = []
-    for number, start in enumerate(starts):
-        samples = slice(start, start + SAMPLES_AT_A_TIME)
+    for number, samples in enumerate(portions):
 
         def told(share: float, before: int = number) -> None:
-            casting.done = (before + share) / len(starts)
+            casting.done = (before + share) / len(portions)
 
-        file = work and work / f"{work_key(rollouts=casting.key, samples=repr(samples))}.parquet"
+        file = file_of(casting, samples, work)
         table = kept(file)
         if table is None:
             table = cast_part(casting, samples, test, reconstructor, settings, told)
@@ -62,6 +61,22 @@ def cast_one(
                 write_table(table, file)
         tables.append(table)
         told(1)
+    return whole(tables)
+
+
+def portions_of(test: Shapes) -> Iterator[slice]:
+    """The samples that are cast at a time."""
+    for start in range(0, len(test), SAMPLES_AT_A_TIME):
+        yield slice(start, start + SAMPLES_AT_A_TIME)
+
+
+def file_of(casting: Casting, samples: slice, work: Path | None) -> Path | None:
+    """Where `work` keeps some of the rollouts."""
+    return work and work / f"{work_key(rollouts=casting.key, samples=repr(samples))}.parquet"
+
+
+def whole(tables: list[pd.DataFrame]) -> pd.DataFrame:
+    """The rollouts of all samples in the order of the rays."""
     return pd.concat(tables).sort_values("ray", kind="stable", ignore_index=True)
 
 

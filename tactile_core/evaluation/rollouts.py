@@ -12,6 +12,7 @@ import pandas as pd
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.casting import Casting, cast_one
+from tactile_core.evaluation.far_casting import cast_on_cluster
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.references import REFERENCES, find_reference
 from tactile_core.keys import CORE, work_key
@@ -20,6 +21,7 @@ from tactile_core.progress import SECONDS_BETWEEN_WORDS, teller
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.settings import RolloutSettings
+from tactile_core.spread import on_cluster
 from tactile_core.threads import one_thread
 
 Progress = Callable[[str], None]
@@ -41,7 +43,8 @@ def cast_rollouts(
     touches held, or `settings.ray_limit` rays are cast.
 
     previous : the rollouts of an earlier run; those whose key is the same are kept
-    workers : policies at a time; None: as many as there are CPUs, and one on a GPU
+    workers : policies at a time; None: as many as there are CPUs, and one on a GPU; on a Ray
+        cluster as many as fit there
     work : keeps what is cast until all is, so that a run that was killed goes on there
 
     Rows: policy, seed, choice ("likeliest", "drawn", or "rule" where there is no distribution to
@@ -67,8 +70,11 @@ def cast_rollouts(
         )
     if workers is None:
         workers = processors() if reconstructor.device.type == "cpu" else 1
-    with one_thread():
-        tables |= cast_missing(missing, test, unet, settings, progress, workers, work)
+    if on_cluster():
+        tables |= cast_on_cluster(missing, test, unet, settings, reconstructor, progress, work)
+    else:
+        with one_thread():
+            tables |= cast_missing(missing, test, unet, settings, progress, workers, work)
     if work is not None:
         shutil.rmtree(work, ignore_errors=True)
     return pd.concat([tables[casting.key] for casting in castings], ignore_index=True)

@@ -1,7 +1,6 @@
 """Hyperparameter search with Ray Tune: Bayesian optimisation with HyperBand (report, section V)."""
 
 import random
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,17 +9,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import ray
+from pyarrow.fs import FSSpecHandler, PyFileSystem
 from ray import tune
 from ray.tune.schedulers import HyperBandForBOHB
 from ray.tune.search.bohb import TuneBOHB
+from upath import UPath
 
 from tactile_core.cluster import running_ray
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
+from tactile_core.files import remove_folder
 from tactile_core.keys import work_key
 from tactile_core.reconstruction.batches import TouchSource, outline_source
 from tactile_core.reconstruction.trial import run_trial
 from tactile_core.settings import SearchSettings
+from tactile_core.spread import RETRIES, on_cluster
 
 
 def search_unet(
@@ -30,7 +33,7 @@ def search_unet(
     *,
     touches: TouchSource | None = None,
     previous: pd.DataFrame | None = None,
-    work: Path,
+    work: Path | UPath,
     token: Path,
     progress: Callable[[str], None] = lambda message: None,
 ) -> pd.DataFrame:
@@ -40,9 +43,10 @@ def search_unet(
 
     `RAY_ADDRESS` names a running cluster; unset, a local Ray starts and is shut down, which asks
     for the secret in the file `token`. With `concurrent` 1 the same seed gives the same table.
-    All nodes of a cluster must see `work` under the same path: Ray keeps the trials' checkpoints
-    there. `touches` replaces the uniform draw of outline touches that trials learn from. Raises
-    `TactileError` where every trial failed.
+    All nodes of a cluster must see `work`, a folder or a place in an object store: Ray keeps the
+    trials' checkpoints there, and a trial whose node dies goes on elsewhere. `touches` replaces the
+    uniform draw of outline touches that trials learn from. Raises `TactileError` where every trial
+    failed.
 
     Ray cannot restore a BOHB search. So trials leave their epochs in `work`, keyed by what
     they tried: a search that was killed and starts again repeats the same suggestions and
@@ -62,7 +66,7 @@ def search_unet(
         return previous
     progress("U-Net search: Ray starts, or answers")
     with running_ray(settings.concurrent, token), seeded(settings.seed):
-        results = run_trials(train, eval_shapes, settings, touches, work.resolve(), progress)
+        results = run_trials(train, eval_shapes, settings, touches, work.absolute(), progress)
     # A trial that failed keeps its last good report: it must not win the search by that.
     ended = [results[index] for index in range(len(results))]
     finished = [result.metrics or {} for result in ended if result.error is None]
@@ -70,7 +74,7 @@ def search_unet(
     if not rows:
         reason = str(results.errors[0]).strip().splitlines()[-1] if results.errors else "no trial"
         raise TactileError(f"every trial of the U-Net search failed; the first says: {reason}")
-    shutil.rmtree(work, ignore_errors=True)
+    remove_folder(work)
     table = pd.DataFrame(rows).sort_values(["loss", "learning_rate"], ignore_index=True)
     table.insert(0, "trial", table.index + 1)
     progress(f"U-Net search: best of {len(table)} trials has eval Jaccard {table.jaccard[0]:.1f}")
@@ -95,7 +99,7 @@ def run_trials(
     eval_shapes: Shapes,
     settings: SearchSettings,
     touches: TouchSource,
-    work: Path,
+    work: Path | UPath,
     progress: Callable[[str], None],
 ) -> tune.ResultGrid:
     """Let BOHB suggest and HyperBand pause trials until all have had their epochs."""
@@ -125,13 +129,23 @@ def run_trials(
         ),
         run_config=tune.RunConfig(
             name="ray",
-            storage_path=str(work),
+            **storage(work),
             verbose=0,
             callbacks=[Reporter(settings, progress)],
             checkpoint_config=tune.CheckpointConfig(num_to_keep=1),
+            # A local Ray dies with this machine; what else makes a trial fail does so again.
+            failure_config=tune.FailureConfig(max_failures=RETRIES if on_cluster() else 0),
         ),
     )
     return tuner.fit()
+
+
+def storage(work: Path | UPath) -> dict[str, Any]:
+    """Where Ray keeps the trials, in Tune's words."""
+    if isinstance(work, Path):
+        return {"storage_path": str(work)}
+    files = PyFileSystem(FSSpecHandler(work.fs))
+    return {"storage_path": work.path, "storage_filesystem": files}
 
 
 def search_space(settings: SearchSettings) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import pandas as pd
 import torch
 from torch import nn
 from torch.nn import functional
+from upath import UPath
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.packed import PackedMasks
@@ -169,7 +170,7 @@ def train_unet(
     eval_shapes: Shapes,
     settings: UNetSettings,
     *,
-    work: Path,
+    work: Path | UPath,
     touches: TouchSource | None = None,
     previous: TrainedUNet | None = None,
     progress: Callable[[str], None] = lambda message: None,

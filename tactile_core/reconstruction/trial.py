@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 from ray import tune
+from upath import UPath
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
@@ -25,7 +26,7 @@ def run_trial(
     eval_shapes: Shapes,
     settings: SearchSettings,
     touches: TouchSource,
-    work: Path,
+    work: Path | UPath,
 ) -> None:
     """Train one hyperparameter setting, reporting loss and Jaccard on eval after each epoch.
 

@@ -14,6 +14,8 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import train as core
 from tactile_core.files import read_table
 from tactile_core.reconstruction.trained import load_unet
+from tactile_core.settings import PROFILES
+from tests.assets.running import TINY, shell
 from tests.disks import small_disk
 
 ONE = {
@@ -126,3 +128,27 @@ def loaded(platform):
     """The policies' directories, as an evaluation is given them."""
     manager = PolicyIndex(base_path=platform.store.path())
     return manager.load_from_path(dg.build_input_context(), platform.store.path("policies"))
+
+
+def test_on_a_gpu_one_training_at_a_time(copy_of_chain):
+    """Without the pool both would begin at once: each is a process of its own."""
+    home = copy_of_chain.home
+    fields = {**PROFILES["smoke"].policies.model_dump(), **TINY["policies"]}
+    config = home / "config.json"
+    config.write_text(json.dumps({"ops": {"policies": {"config": fields}}}))
+    done = shell(
+        f"dagster asset materialize -m tests.assets.gpu_platform --select policies -c {config}",
+        home, TACTILE_PROFILE="laptop",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    with dg.DagsterInstance.from_config(str(home / "dagster")) as instance:
+        [run] = instance.get_runs()
+        spans = {}
+        for event in instance.all_logs(run.run_id):
+            if event.step_key and event.step_key.startswith("policies.train_policy"):
+                kind = event.dagster_event and event.dagster_event.event_type_value
+                if kind in ("STEP_START", "STEP_SUCCESS"):
+                    spans.setdefault(event.step_key, []).append(event.timestamp)
+        (_, end), (start, _) = sorted(spans.values())
+        assert end <= start
+        assert instance.event_log_storage.get_concurrency_info("gpu").slot_count == 1

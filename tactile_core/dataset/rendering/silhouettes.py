@@ -1,7 +1,8 @@
 """Masks: the silhouettes of meshes, rendered by OpenGL or by our own rasteriser.
 
 Both renderers give equal pixels, so which one draws is a matter of what the machine has.
-Meshes are spread over processes where there are enough of them; the masks do not depend on it.
+Meshes are spread over processes where there are enough of them, or over a Ray cluster; the masks do
+not depend on it.
 """
 
 import multiprocessing
@@ -27,6 +28,7 @@ from tactile_core.machine import processors
 from tactile_core.processes import end_with_parent
 from tactile_core.progress import counted
 from tactile_core.settings import MaskSettings
+from tactile_core.spread import Needs, in_order, on_cluster, spread
 
 EMPTY = "no pixel lies inside its silhouette"
 MOST_WORKERS = 8
@@ -165,22 +167,28 @@ def render_jobs(
     OpenGL always draws in processes of its own: a crash there leaves this one alone, and
     this one can still be forked, which hangs once OpenGL was used.
     """
-    platform = None
-    if settings.renderer == "pyrender":
-        platform = opengl.required_platform()
-    elif settings.renderer == "auto":
-        platform = opengl.working_platform()
+    platform = platform_for(settings.renderer)
     renderer = f"pyrender ({platform})" if platform else "the software rasteriser"
     progress(f"rendering {len(jobs)} meshes with {renderer} at {settings.resolution} pixels")
 
     if workers is None:
         workers = min(processors(), MOST_WORKERS, len(jobs) // MESHES_PER_WORKER)
     results: Iterator[list[bytes | str]]
-    if platform is None and workers <= 1:
+    if on_cluster():
+        results = _on_cluster(jobs, root, settings, platform, progress)
+    elif platform is None and workers <= 1:
         results = (render(job, root, settings.resolution, None) for job in jobs)
     else:
         results = _in_processes(jobs, root, settings.resolution, platform, max(workers, 1))
     yield from counted(results, len(jobs), progress, "meshes rendered")
+
+
+def platform_for(renderer: str) -> str | None:
+    """What OpenGL draws with on this machine; None where the rasteriser does. Raises `TactileError`
+    where it must be OpenGL and none is there."""
+    if renderer == "pyrender":
+        return opengl.required_platform()
+    return opengl.working_platform() if renderer == "auto" else None
 
 
 def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list[bytes | str]:
@@ -223,6 +231,34 @@ def _in_processes(
                     "a process that renders masks died: give it more memory, or choose "
                     "masks.renderer rasteriser if OpenGL is to blame"
                 ) from error
+
+
+def _on_cluster(
+    jobs: list[Job],
+    root: UPath,
+    settings: MaskSettings,
+    platform: str | None,
+    progress: Callable[[str], None],
+) -> Iterator[list[bytes | str]]:
+    tasks = [jobs[i : i + MESHES_PER_TASK] for i in range(0, len(jobs), MESHES_PER_TASK)]
+    lasts = MESHES_PER_OSMESA_WORKER // MESHES_PER_TASK if platform == "osmesa" else 0
+    drawn = spread(
+        render_there, tasks, root, settings.resolution, settings.renderer,
+        needs=Needs(tasks_per_process=lasts), progress=progress,
+    )  # fmt: skip
+    for masks in in_order(drawn):
+        yield from masks
+
+
+def render_there(
+    jobs: list[Job],
+    root: UPath,
+    resolution: int,
+    renderer: str,
+    progress: Callable[[str], None],
+) -> list[list[bytes | str]]:
+    """In a process of the cluster, with what its node has."""
+    return _render_all(jobs, root, resolution, platform_for(renderer))
 
 
 def _render_all(

@@ -9,6 +9,7 @@ import pandas as pd
 import torch
 from torch import nn
 from torch.utils.tensorboard import SummaryWriter
+from upath import UPath
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
@@ -41,7 +42,7 @@ def train_scorer(
     settings: GainSettings,
     *,
     key: str,
-    work: Path,
+    work: Path | UPath,
     progress: Callable[[str], None],
 ) -> tuple[RayScorer, pd.DataFrame]:
     """Train a scorer on its own explorations of the train shapes and their mirror images.

@@ -10,6 +10,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
+from upath import UPath
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
@@ -34,7 +35,7 @@ def train_ppo(
     settings: PolicySettings,
     *,
     key: str,
-    work: Path,
+    work: Path | UPath,
     progress: Callable[[str], None],
 ) -> tuple[PPO, pd.DataFrame]:
     """Train all stages of `approach`; returns the policy and its curve.
@@ -104,7 +105,7 @@ class Recorder(BaseCallback):
         stage: int,
         curve: list[dict[str, float]],
         target: int,
-        checkpoint: Path,
+        checkpoint: Path | UPath,
         key: str,
         progress: Callable[[str], None],
     ) -> None:

@@ -46,7 +46,7 @@ def train_policy(
     settings: PolicySettings,
     *,
     directory: UPath,
-    work: Path,
+    work: Path | UPath,
     progress: Callable[[str], None] = lambda message: None,
 ) -> str:
     """Train `approach` with `seed` on the train shapes and store it in `directory`.

@@ -5,7 +5,6 @@ first U-Net is trained, then a ray scorer on it, and its rays on the train shape
 """
 
 import contextlib
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +22,7 @@ from tactile_core.exploration.policies.scorer import ScorerPolicy
 from tactile_core.exploration.practice.ray_touches import rays_and_outlines
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
+from tactile_core.files import remove_folder
 from tactile_core.keys import work_key
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet, save_unet
@@ -42,7 +42,7 @@ def practise(
     eval_shapes: Shapes,
     settings: PracticeSettings,
     *,
-    work: Path,
+    work: Path | UPath,
     progress: Callable[[str], None] = lambda message: None,
 ) -> pd.DataFrame:
     """Train a first U-Net, a ray scorer on it, and record their rays on every train sample.
@@ -83,7 +83,7 @@ def practise(
             )
         )
         progress(f"practice: {number + 1}/{len(practices)} runs recorded, {some.policy.name}")
-    shutil.rmtree(work)
+    remove_folder(work)
     return pd.concat(tables, ignore_index=True)
 
 
@@ -91,7 +91,7 @@ def first_unet(
     train: Shapes,
     eval_shapes: Shapes,
     settings: PracticeSettings,
-    work: Path,
+    work: Path | UPath,
     progress: Callable[[str], None],
 ) -> TrainedUNet:
     """The U-Net to practise on, kept in `work` until practice is over.
