@@ -104,7 +104,7 @@ def old_policies(store: Store, before: float) -> Iterator[Old]:
 
 def old_work(store: Store, before: float) -> Iterator[Old]:
     """Checkpoints, trials and curves for TensorBoard that nothing was added to since `before`."""
-    for work in children(UPath(store.work())):
+    for work in [*children(UPath(store.work())), *children(store.path("cache"))]:
         if work.is_dir() and not DOWNLOADS.fullmatch(work.name):
             places = children(work) if work.name == "policies" else [work]
             yield from (left("work", place) for place in places if newest(place) < before)

@@ -7,12 +7,14 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import psutil
 
 from tactile_core.cluster import ready_token
-from tests.assets.running import until
+
+REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 class Cluster:
@@ -53,7 +55,8 @@ class Cluster:
                 env={**without_ray(), **self.variables}, cwd=self.folder,
                 stdout=said, stderr=subprocess.STDOUT,
             )  # fmt: skip
-        until(lambda: "Ray runtime started" in log.read_text() or self.nodes[host].poll())
+        while "Ray runtime started" not in log.read_text() and self.nodes[host].poll() is None:
+            time.sleep(0.1)
         assert self.nodes[host].poll() is None, log.read_text()
         return host
 

@@ -125,7 +125,7 @@ def test_a_cluster_that_is_not_there_is_told_in_one_sentence(monkeypatch, tmp_pa
 
 def test_something_else_at_the_address_is_told_too(silent, monkeypatch):
     monkeypatch.setattr(cluster, "ANSWER_SECONDS", 10)
-    with pytest.raises(TactileError, match="cannot be reached"):
+    with pytest.raises(TactileError, match="cannot be used"):
         check_answers(silent)
 
 

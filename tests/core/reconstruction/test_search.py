@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import ray
 from ray.cluster_utils import Cluster
+from upath import UPath
 
 from tactile_core.cluster import QUIET_RAY, running_ray
 from tactile_core.errors import TactileError
@@ -25,6 +26,7 @@ from tactile_core.reconstruction.training import (
 )
 from tactile_core.reconstruction.trial import trial_key
 from tactile_core.settings import SearchSettings, UNetSettings
+from tests.object_store import BUCKET, object_store
 
 # HpBandSter uses names that ConfigSpace is about to drop.
 pytestmark = pytest.mark.filterwarnings("ignore:Please use:DeprecationWarning")
@@ -144,6 +146,21 @@ def test_a_search_that_was_killed_repeats_no_epoch_and_ends_the_same(search, tab
     assert all(done[name] in times for name, times in written.items())
     untouched = [name for name, times in written.items() if times == {done[name]}]
     assert len(untouched) == 2  # the trials that end after one epoch
+
+
+def test_trials_may_be_kept_in_an_object_store(search, table, monkeypatch):
+    """As on a cluster, whose nodes share nothing else."""
+    with object_store(monkeypatch) as store:
+        access = {
+            "key": store.variables["AWS_ACCESS_KEY_ID"],
+            "secret": store.variables["AWS_SECRET_ACCESS_KEY"],
+            "endpoint_url": store.variables["AWS_ENDPOINT_URL"],
+        }
+        seen = set()
+        work = UPath(f"s3://{BUCKET}/work", **access)
+        assert search(work, progress=lambda message: seen.update(store.names())).equals(table)
+        assert sum(name.startswith("work/epochs/") for name in seen) == SETTINGS.trials
+        assert store.names() == []
 
 
 def test_a_trial_that_fails_is_told_and_left_out(search, tmp_path):
