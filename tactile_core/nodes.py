@@ -64,7 +64,7 @@ def look_at(node: str) -> ray.ObjectRef:
         return versions()
 
     here = NodeAffinitySchedulingStrategy(node, soft=False)
-    return ray.remote(num_cpus=0, scheduling_strategy=here)(look).remote()
+    return ray.remote(look).options(num_cpus=0, scheduling_strategy=here).remote()
 
 
 def refuse_others(address: str, theirs: Versions | str, mine: Versions) -> None:

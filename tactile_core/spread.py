@@ -92,7 +92,8 @@ def spread(
     with joined():
         words = messages()
         shared = ray.put((make, versions(), given, words))
-        task: Any = ray.remote(name=name, **options(needs))(taken_over)
+        remote: Any = ray.remote  # its types know no names
+        task = remote(name=name, **options(needs))(taken_over)
         numbers = {task.remote(part, shared): number for number, part in enumerate(parts)}
         waiting = list(numbers)
         nodes: Counter[str] = Counter()
