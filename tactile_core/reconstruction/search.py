@@ -23,7 +23,7 @@ from tactile_core.keys import work_key
 from tactile_core.reconstruction.batches import TouchSource, outline_source
 from tactile_core.reconstruction.trial import run_trial
 from tactile_core.settings import SearchSettings
-from tactile_core.spread import RETRIES, on_cluster
+from tactile_core.spread import on_cluster
 
 
 def search_unet(
@@ -133,8 +133,8 @@ def run_trials(
             verbose=0,
             callbacks=[Reporter(settings, progress)],
             checkpoint_config=tune.CheckpointConfig(num_to_keep=1),
-            # A local Ray dies with this machine; what else makes a trial fail does so again.
-            failure_config=tune.FailureConfig(max_failures=RETRIES if on_cluster() else 0),
+            # For a node that dies. Ray does not tell it from what makes a trial fail each time.
+            failure_config=tune.FailureConfig(max_failures=int(on_cluster())),
         ),
     )
     return tuner.fit()

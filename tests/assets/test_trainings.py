@@ -13,8 +13,8 @@ from tactile_assets.io_managers import PolicyIndex
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import train as core
 from tactile_core.files import read_table
+from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.trained import load_unet
-from tactile_core.settings import PROFILES
 from tests.assets.running import TINY, shell
 from tests.disks import small_disk
 
