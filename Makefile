@@ -20,7 +20,7 @@ $(STAMP):
 	@$(PYTHON) -m venv --clear .venv || { echo "No venv could be made (Debian: apt install python3-venv)"; exit 1; }
 	@$(PIP) --no-compile -e '.[dev]'
 	@$(PIP) --no-compile --no-deps hpbandster  # it asks for netifaces, which needs a compiler and is never imported
-	@.venv/bin/python -m compileall -qq -j 0 .venv/lib || true  # on all processors, where pip takes one
+	@.venv/bin/python -W ignore -m compileall -qq -j 0 .venv/lib || true  # on all processors, where pip takes one
 	@echo '. "$$VIRTUAL_ENV/../environment.sh"' >> .venv/bin/activate
 	@touch $@
 
