@@ -20,6 +20,7 @@ FIRST = [
     "test_wheel.py",
     "test_bench.py",
     "assets/test_ui.py",
+    "assets/test_cluster.py",
     "assets/test_object_store.py",
     "assets/test_chaos.py",
     "assets/test_errors.py",

@@ -83,7 +83,7 @@ def environment(home: Path, **variables: str) -> dict[str, str]:
 
 
 def until(
-    condition: Callable[[], object], seconds: float = 240, telling: Callable[[], str] = str
+    condition: Callable[[], object], seconds: float = 600, telling: Callable[[], str] = str
 ) -> None:
     """Wait for it; where it does not come the test fails with what `telling` says."""
     last = time.monotonic() + seconds
