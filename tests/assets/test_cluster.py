@@ -34,7 +34,7 @@ def test_a_node_that_dies_in_the_middle_changes_nothing(chain, cluster, tmp_path
         f"dagster job execute --job whole_chain -c {config}", home,
         TACTILE_STORE=str(tmp_path / "store"), RAY_ADDRESS=cluster.address, **cluster.variables,
     ) as run:  # fmt: skip
-        until(lambda: cluster.works(second, "train_policy") or run.poll() is not None)
+        until(lambda: cluster.works(second, "train_policy") or run.poll() is not None, seconds=1500)
         cluster.kill(second)
         said = "".join(run.communicate())
     assert run.returncode == 0, said
