@@ -27,7 +27,7 @@ $(STAMP):
 test: install ## Install what is missing and run the tests, in random order on all cores
 	@$(ACTIVATE) && pytest -n auto --maxprocesses 8 --dist loadscope --no-loadscope-reorder
 
-mutants: install ## See whether the tests tell small changes of the code (hours); docs/mutation.md
+mutants: install ## See whether the tests tell small changes of the code; docs/mutation.md
 	@$(ACTIVATE) && python -m tests.mutants
 
 chaos: install ## Kill runs at random moments and see that nothing is lost (an hour); docs/chaos.md

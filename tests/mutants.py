@@ -57,7 +57,7 @@ ONE_OF = {
 # Two lines that become the same by these do the same; docs/mutation.md says why.
 THE_SAME = [
     (r"(masks?|free)\.shape\[[+-]*[12]\]", "resolution"),
-    (r"reshape\(\(?-\d", "reshape(-1"),
+    (r"reshape\(\(?- ?\d", "reshape(-1"),
     (r"(strict|frozen|optimize)=(True|False)", ""),
     (r"if (not )?TYPE_CHECKING", ""),
     (r"theta [+-] np\.pi", "the other way"),

@@ -100,8 +100,8 @@ def test_what_was_free_stays_free_and_is_not_found_again():
     assert mark_free(free, crossing, missed).tolist() == [len(new)]
 
 
-def test_ray_i_meets_mask_i_unless_told_otherwise(shapes):
-    masks = shapes["test"].masks
+def test_ray_i_meets_mask_i_unless_told_otherwise():
+    masks = np.random.default_rng(0).random((8, 64, 64)) < 0.02
     rays = candidate_rays(64)[:8, 5]
     own = cast_rays(masks, rays)
     for index in range(8):
