@@ -140,6 +140,7 @@ for name in sorted({*names} - {"tactile_core.__main__"}):
     assert {missing.pop(name) for name in page} <= {"nicegui", "fastapi", "uvicorn"}
     assert missing == {
         "tactile_core.cluster": "ray",
+        "tactile_core.nodes": "ray",
         "tactile_core.reconstruction.search": "ray",
         "tactile_core.reconstruction.trial": "ray",
     }
