@@ -46,7 +46,7 @@ def sample(tmp_path_factory):
     usable = meshes[meshes["status"] == "ok"]
     rotations = np.random.default_rng(0).uniform(0, 360, (3, len(usable)))
     rotations[0] = 0
-    return root, pd.concat([usable.assign(rotation=turns) for turns in rotations])
+    return root, pd.concat([usable.assign(rotation=turns, warp=0) for turns in rotations])
 
 
 @pytest.mark.parametrize("resolution", [64, 256])
