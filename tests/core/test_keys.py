@@ -232,7 +232,7 @@ def test_code_that_was_changed_while_a_process_runs_is_refused(tmp_path):
 # Libraries that carry, store and show, and compute nothing that is stored.
 CARRY = {
     "OpenGL", "click", "fastapi", "filelock", "fsspec", "matplotlib", "nicegui", "pandas",
-    "platformdirs", "psutil", "pyarrow", "pydantic", "pyrender", "requests", "safetensors",
+    "platformdirs", "grpc", "psutil", "pyarrow", "pydantic", "pyrender", "requests", "safetensors",
     "starlette", "tensorboard", "upath", "urllib3", "uvicorn",
 }  # fmt: skip
 
