@@ -9,7 +9,7 @@ import pandas as pd
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.metadata import OWNERS, SECTION, numbers, shown
+from tactile_assets.metadata import OWNERS, SECTION, curves_at, numbers, shown
 from tactile_assets.resources import Store
 from tactile_assets.trainings import POOL, PlannedTraining
 from tactile_core.errors import TactileError
@@ -122,7 +122,7 @@ def gather_policies(
         ),
         "policies": len(trained),
         **numbers("jaccard at the end of training", last["jaccard"].set_axis(names)),
-        "tensorboard": dg.MetadataValue.path(str(store.far_work("policies"))),
+        **curves_at(store.far_work("policies")),
     }
     version = dg.DataVersion(content_hash(sorted(versions.items())))
     store.forget_steps(context.run_id)

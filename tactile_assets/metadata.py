@@ -3,10 +3,12 @@
 import math
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import dagster as dg
 import pandas as pd
+from upath import UPath
 
 from tactile_assets.columns import column_schema, kind
 from tactile_core.files import table_hash
@@ -29,6 +31,12 @@ def wing(group: str, io_manager: str = "tables") -> dict[str, Any]:
         "owners": OWNERS,
         "io_manager_key": io_manager,
     }
+
+
+def curves_at(work: Path | UPath) -> dict[str, dg.PathMetadataValue]:
+    """Where the curves of a training lie for TensorBoard; nothing where its work lies in an object
+    store, as they then stay with the node that trained."""
+    return {"tensorboard": dg.MetadataValue.path(work)} if isinstance(work, Path) else {}
 
 
 def shown(table: pd.DataFrame, meanings: Mapping[str, str] | None = None) -> dg.TableMetadataValue:

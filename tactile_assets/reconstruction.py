@@ -12,7 +12,7 @@ from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.metadata import number, numbers, seconds_since, shown, stored, wing
+from tactile_assets.metadata import curves_at, number, numbers, seconds_since, shown, stored, wing
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table
@@ -209,7 +209,7 @@ def unet(
             "parameters": sum(weights.numel() for weights in trained.weights.values()),
             "seconds": seconds_since(began),
             "settings": dg.MetadataValue.json(trained.settings),
-            "tensorboard": dg.MetadataValue.path(str(work / "tensorboard")),
+            **curves_at(work / "tensorboard"),
         },
     )
 

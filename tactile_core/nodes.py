@@ -23,7 +23,13 @@ Versions = dict[str, str]
 def versions() -> Versions:
     """What results depend on, by name: this package, Python, and the libraries that compute."""
     files = sorted(FOLDER.rglob("*.py"))
-    code = content_hash(*(part for file in files for part in (file.name, file.read_bytes())))
+    code = content_hash(
+        *(
+            part
+            for file in files
+            for part in (file.relative_to(FOLDER).as_posix(), file.read_bytes())
+        )
+    )
     return {
         NAME: f"{importlib.metadata.version(NAME)} (code {code[:8]})",
         "Python": ".".join(map(str, sys.version_info[:2])),

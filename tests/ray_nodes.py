@@ -1,4 +1,4 @@
-"""Nodes of a Ray cluster on this machine, with a token, as several machines would be."""
+"""Ray clusters with a token: nodes on this machine, as several machines would be, or one alone."""
 
 import contextlib
 import os
@@ -8,11 +8,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
+import pytest
+from ray import cluster_utils
 
-from tactile_core.cluster import ready_token
+from tactile_core.cluster import QUIET_RAY, ready_token, running_ray
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -95,3 +98,21 @@ def without_ray() -> dict[str, str]:
 def free_port(host: str) -> int:
     with socket.create_server((host, 0)) as server:
         return server.getsockname()[1]
+
+
+@contextlib.contextmanager
+def one_node(processors: int, token: Path) -> Iterator[None]:
+    """A node of so many processors, named by RAY_ADDRESS, that asks for the secret in `token`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("RAY_ADDRESS", raising=False)
+        with running_ray(1, token):  # the first in this process: from here on there are tokens
+            pass
+        for name, value in QUIET_RAY.items():
+            patch.setenv(name, value)
+        running = cluster_utils.Cluster(
+            initialize_head=True,
+            head_node_args={"num_cpus": processors, "include_dashboard": False},
+        )
+        patch.setenv("RAY_ADDRESS", running.address)
+        yield
+        running.shutdown()

@@ -2,9 +2,9 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 from upath import UPath
 
@@ -156,10 +156,11 @@ def rotate(
 
     What `rotate_splits` returns, for models whose split is known.
     """
-    views = pd.concat(
+    views = pd.DataFrame(
         [
-            views_of_model(model, split_settings, split_settings.warps if split == "train" else 0)
+            view
             for model, split in zip(models["model_id"], models["split"], strict=True)
+            for view in views_of_model(model, split, split_settings)
         ]
     )
     samples = models.merge(views, on="model_id").assign(resolution=mask_settings.resolution)
@@ -179,22 +180,26 @@ def rotate(
     return samples.loc[~empty, COLUMNS].reset_index(drop=True)
 
 
-def views_of_model(model: str, settings: SplitSettings, warps: int) -> pd.DataFrame:
-    """The samples of one model: model_id, sample_id, rotation (degrees) and warp."""
+class SampleView(NamedTuple):
+    """How one sample shows its model: rotated, in degrees, and warped (see `warps`)."""
+
+    model_id: str
+    sample_id: str
+    rotation: float
+    warp: int
+
+
+def views_of_model(model: str, split: str, settings: SplitSettings) -> Iterator[SampleView]:
+    """The samples of one model, the warped ones of a train model last."""
     rotations = generator(settings.seed, model).uniform(0, 360, settings.rotations)
-    # Drawn in pairs: those of the first warps are the same however many follow.
-    drawn = generator(settings.seed, f"warps of {model}").integers(1, 2**32, (warps, 2))
-    angles, seeds = 360 * drawn[:, 0] / 2**32, drawn[:, 1]
-    ids = [f"{model}-r{number}" for number in range(len(rotations))]
-    ids += [f"{model}-w{number}" for number in range(warps)]
-    return pd.DataFrame(
-        {
-            "model_id": model,
-            "sample_id": ids,
-            "rotation": np.concatenate([rotations, angles]),
-            "warp": np.concatenate([np.zeros(len(rotations), np.int64), seeds]),
-        }
-    )
+    for number, rotation in enumerate(rotations.tolist()):
+        yield SampleView(model, f"{model}-r{number}", rotation, 0)
+    if split == "train" and settings.warps:
+        # Drawn in pairs: those of the first warps are the same however many follow.
+        rng = generator(settings.seed, f"warps of {model}")
+        pairs = rng.integers(1, 2**32, (settings.warps, 2)).tolist()
+        for number, (turn, warp) in enumerate(pairs):
+            yield SampleView(model, f"{model}-w{number}", 360 * turn / 2**32, warp)
 
 
 def _counts(models: int, settings: SplitSettings) -> tuple[int, int]:

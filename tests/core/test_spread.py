@@ -5,29 +5,18 @@ import signal
 from pathlib import Path
 
 import pytest
-from ray.cluster_utils import Cluster
 
-from tactile_core.cluster import QUIET_RAY, running_ray
 from tactile_core.errors import TactileError
 from tactile_core.nodes import refuse_others, versions
 from tactile_core.spread import ONE_PROCESSOR, handed_over, in_order, spread
+from tests.ray_nodes import one_node
 
 
 @pytest.fixture(scope="module")
 def cluster(ray_token):
     """A cluster of two processors, named by RAY_ADDRESS, that asks for a token."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("RAY_ADDRESS", raising=False)
-        with running_ray(1, ray_token):  # the first in this process: from here on there are tokens
-            pass
-        for name, value in QUIET_RAY.items():
-            patch.setenv(name, value)
-        running = Cluster(
-            initialize_head=True, head_node_args={"num_cpus": 2, "include_dashboard": False}
-        )
-        patch.setenv("RAY_ADDRESS", running.address)
+    with one_node(2, ray_token):
         yield
-        running.shutdown()
 
 
 def squared(number, exponent, progress):

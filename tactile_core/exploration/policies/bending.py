@@ -11,9 +11,9 @@ import numpy as np
 
 from tactile_core.compiled import compiled
 
-# In shares of the image's side, as all lengths here: how far from a touch its pull is felt, and how
-# far it pulls at most.
-REACH, FARTHEST = 6 / 64, 6 / 64
+# How far from a touch its pull is felt, and how far it pulls at most, in shares of the image's
+# side.
+REACH, LONGEST_PULL = 6 / 64, 6 / 64
 STIFFNESS = 0.2  # of what no touch pulls at, beside the pull of one that is right there
 
 
@@ -31,7 +31,7 @@ def bend(shapes: np.ndarray, felt: np.ndarray) -> np.ndarray:
     bent = shapes.copy()
     for some, own, window in zip(windows, felt[:, start:end, start:end], bent, strict=True):
         touches = np.argwhere(own > 0)  # (T, 2)
-        _bend(some, touches, pulls(touches, len(own), side), FARTHEST * side)
+        _bend(some, touches, pulls(touches, len(own), side), LONGEST_PULL * side)
         window[:, start:end, start:end] = (some & (own >= 0)) | (own > 0)
     return bent
 

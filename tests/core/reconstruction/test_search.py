@@ -6,10 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import ray
-from ray.cluster_utils import Cluster
 from upath import UPath
 
-from tactile_core.cluster import QUIET_RAY, running_ray
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction import search as search_module
 from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
@@ -27,6 +25,7 @@ from tactile_core.reconstruction.training import (
 from tactile_core.reconstruction.trial import trial_key
 from tactile_core.settings import SearchSettings, UNetSettings
 from tests.object_store import BUCKET, object_store
+from tests.ray_nodes import one_node
 
 # HpBandSter uses names that ConfigSpace is about to drop.
 pytestmark = pytest.mark.filterwarnings("ignore:Please use:DeprecationWarning")
@@ -46,18 +45,8 @@ SETTINGS = SearchSettings(
 @pytest.fixture(scope="module")
 def cluster(ray_token):
     """A running cluster of one processor, named by RAY_ADDRESS, that asks for a token."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("RAY_ADDRESS", raising=False)
-        with running_ray(1, ray_token):  # the first in this process: from here on there are tokens
-            pass
-        for name, value in QUIET_RAY.items():
-            patch.setenv(name, value)
-        running = Cluster(
-            initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False}
-        )
-        patch.setenv("RAY_ADDRESS", running.address)
+    with one_node(1, ray_token):
         yield ray_token
-        running.shutdown()
 
 
 @pytest.fixture(scope="module")

@@ -151,14 +151,21 @@ def test_long_polygons_may_be_broken_into_lines():
         np.testing.assert_array_equal(mask(broken, suffix), WHOLE_MASK)
 
 
-def test_other_columns_and_lists_of_a_ply_are_passed_over_wherever_their_lines_end():
+@pytest.mark.parametrize(
+    ("end", "faces"),
+    [
+        ("\n", "9 3 0 1 2 2 .5 .5\n9 4 0 1 2 3 0\n"),
+        (" ", "9 3 0 1 2 2 .5 .5 9\n4 0 1 2 3 0"),
+    ],
+)
+def test_other_columns_and_lists_of_a_ply_are_passed_over_wherever_their_lines_end(end, faces):
     header = ply_header("ascii", faces=2).replace("float x", "int id\nproperty double x")
     header = header.replace("property list", "property uchar red\nproperty list")
     header = header.replace("end_header", "property list uchar float texcoord\nend_header")
-    points = " ".join("7 {:.6f} {:.6f} {:.6f}".format(*point) for point in VERTICES)
-    vertices, faces = read_ply((header + points + " 9 3 0 1 2 2 .5 .5 9\n4 0 1 2 3 0").encode())
+    points = "".join("7 {:.6f} {:.6f} {:.6f}".format(*point) + end for point in VERTICES)
+    vertices, triangles = read_ply((header + points + faces).encode())
     np.testing.assert_allclose(vertices, VERTICES, atol=1e-6)
-    assert faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
+    assert triangles.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
 
 
 ONE_LINE_STL = rearranged(text_stl(), 0, 10_000)
@@ -297,16 +304,6 @@ def test_strips_of_a_ply_are_read_and_wound_as_its_faces(order):
 def test_elements_that_are_not_read_are_named_where_there_is_no_face():
     grid = ply([]).replace(b"element face 0", b"element range_grid 0")
     assert "range_grid" in refusal(grid, ".ply")
-
-
-def test_other_columns_of_a_ply_are_passed_over():
-    header = ply_header("ascii", faces=2).replace("float x", "int id\nproperty double x")
-    header = header.replace("property list", "property uchar red\nproperty list")
-    header = header.replace("end_header", "property list uchar float texcoord\nend_header")
-    points = "".join("7 {:.6f} {:.6f} {:.6f}\n".format(*point) for point in VERTICES)
-    vertices, faces = read_ply((header + points + "9 3 0 1 2 2 .5 .5\n9 4 0 1 2 3 0\n").encode())
-    np.testing.assert_allclose(vertices, VERTICES, atol=1e-6)
-    assert faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
 
 
 @pytest.mark.parametrize(
