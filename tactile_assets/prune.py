@@ -153,7 +153,7 @@ def main(settings: PruneSettings) -> None:
     """As `prune`, in the home, when no run is at work there any more."""
     store = Store.from_environment()
     with own_instance() as instance, contextlib.ExitStack() as claims:
-        for folder in store.local_folders():
+        for folder in store.claimed_folders():
             claims.enter_context(claimed(folder, f"tactile prune ({Worker.here()})", print))
         prune(instance, store, settings, print)
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, read_table, written_whole
+from tactile_core.files import content_hash, is_local, read_table, written_whole
 from tactile_core.home import check_one_home, find_artifacts, find_home
 from tactile_core.spread import on_cluster
 
@@ -49,11 +49,14 @@ class Store(dg.ConfigurableResource):
         the store, as another node may have to go on. Else the same local folder as `work`."""
         return self.path("cache", *parts) if on_cluster() else self.work(*parts)
 
+    def claimed_folders(self) -> list[Path | UPath]:
+        """What a run holds for itself: the home and, wherever they lie, the artifacts."""
+        return [Path(self.home), self.path()]
+
     def local_folders(self) -> list[Path]:
         """The home and, where it is a folder that this machine sees, that of the artifacts."""
         artifacts = self.path()
-        local = artifacts.protocol in ("", "file", "local")
-        return [Path(self.home), *([Path(artifacts.path)] if local else [])]
+        return [Path(self.home), *([Path(artifacts.path)] if is_local(artifacts) else [])]
 
     def forget_steps(self, run_id: str) -> None:
         """Remove what the steps inside `policies` handed each other in a run."""

@@ -56,7 +56,7 @@ class OneAtATime(dg.Executor):
         instance.add_run_tags(run.run_id, tags_of(worker))
         with contextlib.ExitStack() as claims:
             with interruptible():
-                for folder in self.store.local_folders():
+                for folder in self.store.claimed_folders():
                     name = f"run {run.run_id} ({worker})"
                     claims.enter_context(claimed(folder, name, log.info))
             # Commands that name no profile have this one, too.

@@ -36,6 +36,11 @@ REMEDIES = {
 ROWS = 2**14  # of a table that are in memory more than once, and stored as one group
 
 
+def is_local(path: UPath) -> bool:
+    """Whether a path is of this machine's own file system, not of an object store or server."""
+    return path.protocol in ("", "file", "local")
+
+
 @contextlib.contextmanager
 def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
     """Open `path` to write (and read) bytes; it appears under its name only if the block succeeds.
@@ -82,7 +87,7 @@ def _written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
     appears when it has been sent: it is written on this machine first.
     """
     target = UPath(path)
-    if target.protocol in ("", "file", "local"):
+    if is_local(target):
         local = Path(target.path)
         local.parent.mkdir(parents=True, exist_ok=True)
         # A name of its own, short whatever the target's is: file systems take 255 bytes.
@@ -141,7 +146,7 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
 def _at_hand(source: UPath) -> Iterator[IO[bytes]]:
     """A file to read more than once, as it is now: an object of a store is copied to a disk."""
     with source.open("rb") as file:
-        if source.protocol in ("", "file", "local"):
+        if is_local(source):
             yield file
             return
         with tempfile.TemporaryFile() as copy:

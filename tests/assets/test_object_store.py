@@ -35,6 +35,7 @@ def test_a_killed_run_ends_in_the_data_versions_of_one_on_a_disk(chain, s3, tmp_
     command = f"dagster asset materialize --select '*' -c {config}"
     kill_at_line(KILLED_AT, begin(command, tmp_path, TACTILE_STORE=STORE, **s3.variables))
     keys = s3.names()
+    assert "store/run.lock" in keys  # as the run claimed the store and was killed
     assert "store/unet/settings.json" in keys and "store/policies/index.json" not in keys
     with dg.DagsterInstance.from_config(str(tmp_path / "dagster")) as instance:
         platform = PlatformInS3(tmp_path, instance)

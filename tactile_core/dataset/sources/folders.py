@@ -14,6 +14,7 @@ from upath import UPath
 from tactile_core.addresses import shown
 from tactile_core.dataset.sources.archives import MAX_FILE, one_line, read_pieces, too_large
 from tactile_core.errors import TactileError, spelt
+from tactile_core.files import is_local
 
 
 class Listing(NamedTuple):
@@ -38,7 +39,7 @@ def as_path(address: str) -> UPath:
 
 def as_local(path: UPath) -> Path | None:
     """`path` as a plain path, if it lies on this machine."""
-    return Path(path.path) if path.protocol in ("", "file", "local") else None
+    return Path(path.path) if is_local(path) else None
 
 
 def walk(folder: UPath) -> Listing:
