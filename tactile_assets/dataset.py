@@ -19,6 +19,7 @@ from tactile_assets.metadata import (
     stored,
     wing,
 )
+from tactile_assets.outages import waited_out
 from tactile_assets.resources import Store
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, TouchSettings
 
@@ -60,9 +61,10 @@ def shapenet_meshes(
     """
     from tactile_core.dataset.meshes import collect_meshes
 
-    manifest = collect_meshes(
-        config, store.path("shapenet_meshes"), store.work(), progress=context.log.info
-    )
+    with waited_out(context):
+        manifest = collect_meshes(
+            config, store.path("shapenet_meshes"), store.work(), progress=context.log.info
+        )
     usable = manifest[manifest["status"] == "ok"]
     by_class = usable.groupby("category", as_index=False).agg(
         source=("source", "first"), meshes=("file", "size"), median_faces=("faces", "median")

@@ -26,6 +26,7 @@ from tactile_assets.evaluation import (
 )
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import counts, set_aside, stored, wing
+from tactile_assets.outages import waited_out
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings
@@ -60,15 +61,16 @@ def real_shapes(
     from tactile_core.figures.sheets import mask_sheet
     from tactile_core.figures.style import png
 
-    table, aside = render_real(
-        config,
-        PROFILE.masks,
-        PROFILE.splits,
-        store.path("real_meshes"),
-        store.work(),
-        previous=store.previous("real_shapes"),
-        progress=context.log.info,
-    )
+    with waited_out(context):
+        table, aside = render_real(
+            config,
+            PROFILE.masks,
+            PROFILE.splits,
+            store.path("real_meshes"),
+            store.work(),
+            previous=store.previous("real_shapes"),
+            progress=context.log.info,
+        )
     sheet = mask_sheet(table["mask"], table["category"].to_numpy(dtype=str))
     return stored(
         table,

@@ -14,6 +14,10 @@ class TactileError(ValueError):
         super().__init__(spelt(message))
 
 
+class OutOfReachError(TactileError):
+    """A source that is not there, or does not answer: it may do so later."""
+
+
 class DamagedError(TactileError):
     """A file that an asset stored is gone, or other bytes than it wrote: materialise it again."""
 

@@ -17,7 +17,7 @@ from upath import UPath
 
 from tactile_core.addresses import shown
 from tactile_core.dataset.sources.archives import one_line
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.files import content_hash
 
 PIECE = 1 << 16  # bytes read at a time; a broken download loses less than one piece
@@ -83,17 +83,23 @@ def copy_object(source: UPath, folder: Path, progress: Callable[[str], None]) ->
                     reporter.at(file.tell())
                 size = file.tell()
         except Exception as error:  # every fsspec file system has errors of its own
-            raise TactileError(
+            raise failure(error)(
                 f"{shown(str(source))} cannot be copied ({one_line(error)}): look at the address "
                 "and the network, then run again"
             ) from None
         if size != info["size"]:
-            raise TactileError(
+            raise OutOfReachError(
                 f"{shown(str(source))} broke off after {size} of {info['size']} bytes: run again"
             )
         write_record(part, record)
         accept_part(target)
         return target
+
+
+def failure(error: Exception) -> type[TactileError]:
+    """What kind of error stands for one of a file system: whether it may pass by itself."""
+    lasting = isinstance(error, PermissionError | FileNotFoundError | ValueError)
+    return TactileError if lasting else OutOfReachError
 
 
 def object_version(info: dict) -> str:

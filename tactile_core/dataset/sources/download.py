@@ -29,7 +29,7 @@ from tactile_core.dataset.sources.cache import (
     read_record,
     write_record,
 )
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 
 logger = logging.getLogger(__name__)
 
@@ -182,7 +182,7 @@ def _with_retries(
             failures = 1 if size > most else failures + 1
             most = max(most, size)
             if failures == ATTEMPTS:
-                raise TactileError(
+                raise OutOfReachError(
                     f"{shown(url)} cannot be fetched ({error}, {ATTEMPTS} times in a row): look "
                     "at the address and the network, then run again"
                 ) from None

@@ -18,7 +18,7 @@ from upath import UPath
 
 from tactile_core.addresses import full, shown
 from tactile_core.dataset.sources.archives import one_line, open_archive
-from tactile_core.dataset.sources.cache import copy_object, forget, object_version
+from tactile_core.dataset.sources.cache import copy_object, failure, forget, object_version
 from tactile_core.dataset.sources.download import (
     MissingFileError,
     download,
@@ -27,12 +27,12 @@ from tactile_core.dataset.sources.download import (
 )
 from tactile_core.dataset.sources.folders import as_local, as_path, walk
 from tactile_core.dataset.sources.layouts import SUFFIXES
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.files import content_hash
 from tactile_core.settings import SHAPENET_CLASSES, MeshSettings
 
 
-class MissingClassError(TactileError):
+class MissingClassError(OutOfReachError):
     """A class that is found nowhere."""
 
 
@@ -217,11 +217,20 @@ def _place_at(location: str, category: str, synset: str) -> Place:
     for name in (synset, category):
         if _kind(root / name) == "folder":
             return Place(category, synset, folder=root / name)
+    advice = "put one there, or take the class out of classes"
+    if others := _other_archives(root, synset, category):
+        advice = f"unpack {' or '.join(others)} as {synset}/"
     raise MissingClassError(
         f"class {category!r} (synset {synset}) is missing: {shown(location)} holds neither "
-        f"{synset}.zip nor {synset}/ nor {category}/; put one there, or take the class "
-        "out of classes"
+        f"{synset}.zip nor {synset}/ nor {category}/; {advice}"
     )
+
+
+def _other_archives(root: UPath, *names: str) -> list[str]:
+    """Up to three files in `root` that are called as a class is, as `02876657.tar.gz`."""
+    starts = tuple(f"{name}." for name in names)
+    found = sorted(path.name for path in root.iterdir() if path.name.startswith(starts))
+    return found[:3]
 
 
 def _kind(path: UPath) -> str | None:
@@ -229,7 +238,7 @@ def _kind(path: UPath) -> str | None:
     try:
         return "file" if path.is_file() else "folder" if path.is_dir() else None
     except Exception as error:  # every fsspec file system has errors of its own
-        raise TactileError(f"{shown(str(path))} cannot be looked at: {one_line(error)}") from None
+        raise failure(error)(f"{shown(str(path))} cannot be looked at: {one_line(error)}") from None
 
 
 def _version(place: Place) -> object:

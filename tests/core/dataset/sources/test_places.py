@@ -116,6 +116,13 @@ def test_where_a_synset_lies_the_report_s_two_classes_are_asked_for(tmp_path, co
     assert "does not exist" in refusal(collect, classes=None, location=tmp_path / "nothing")
 
 
+@pytest.mark.parametrize("name", [f"{MUG}.tar.gz", f"{MUG}.7z", "mug.zip"])
+def test_an_archive_of_another_kind_or_name_is_told_with_what_is_missing(tmp_path, collect, name):
+    (tmp_path / "source").mkdir()
+    (tmp_path / "source" / name).write_bytes(b"whatever it holds")
+    assert f"unpack {name} as {MUG}/" in refusal(collect)
+
+
 def fingerprint(location, classes=ONE) -> str:
     return source_fingerprint(MeshSettings(classes=classes, location=str(location)))
 
