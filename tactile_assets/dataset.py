@@ -19,8 +19,8 @@ from tactile_assets.metadata import (
     stored,
     wing,
 )
-from tactile_assets.outages import waited_out
 from tactile_assets.resources import Store
+from tactile_assets.sources import versions_read, waited_out
 from tactile_core.settings import MaskSettings, MeshSettings, SplitSettings, TouchSettings
 
 
@@ -62,6 +62,7 @@ def shapenet_meshes(
     from tactile_core.dataset.meshes import collect_meshes
 
     with waited_out(context):
+        versions = versions_read(config)
         manifest = collect_meshes(
             config, store.path("shapenet_meshes"), store.work(), progress=context.log.info
         )
@@ -75,6 +76,7 @@ def shapenet_meshes(
         meshes_by_class=shown(by_class),
         meshes=len(usable),
         **set_aside(manifest),
+        **versions,
     )
 
 

@@ -9,9 +9,12 @@ from tactile_assets.config import PROFILE
 from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
 from tactile_assets.provenance import latest, own_instance
+from tactile_assets.real import MESHES
 from tactile_assets.resources import Store
+from tactile_assets.sources import news_of
 from tactile_core.errors import TactileError
 
+SOURCES = {"shapenet_meshes": PROFILE.meshes, **({"real_shapes": MESHES} if PROFILE.real else {})}
 IN_FOLDERS = {"unet", "policies"}  # all others are tables
 
 
@@ -27,15 +30,17 @@ def reason_to_run(instance: dg.DagsterInstance, store: Store) -> str:
     """Why a run with the profile's settings may make something new, in a sentence; "" where it
     would not."""
     assets = in_order(defs)
-    if sources := [place for place in (PROFILE.meshes.location, PROFILE.real) if place]:
-        return f"What lies at {sources[0]} may have changed."
     if stale := stale_assets(instance, defs, assets):
         return f"To be made: {', '.join(asset for asset in assets if asset in stale)}."
     if own := [asset for asset in assets if configured(instance, asset)]:
         return f"Made with another configuration than the profile's: {', '.join(own)}."
     if damaged := [asset for asset in assets if not whole(store, asset)]:
         return f"Missing or damaged: {', '.join(damaged)}."
-    return ""
+    try:
+        news = [news_of(instance, asset, source) for asset, source in SOURCES.items()]
+    except TactileError as error:
+        return f"{error}."
+    return next(filter(None, news), "")
 
 
 def configured(instance: dg.DagsterInstance, asset: str) -> bool:

@@ -26,8 +26,8 @@ from tactile_assets.evaluation import (
 )
 from tactile_assets.io_managers import TrainedUNet
 from tactile_assets.metadata import counts, set_aside, stored, wing
-from tactile_assets.outages import waited_out
 from tactile_assets.resources import Store
+from tactile_assets.sources import versions_read, waited_out
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings
 
@@ -62,6 +62,7 @@ def real_shapes(
     from tactile_core.figures.style import png
 
     with waited_out(context):
+        versions = versions_read(config)
         table, aside = render_real(
             config,
             PROFILE.masks,
@@ -79,6 +80,7 @@ def real_shapes(
         models_by_class=counts(table.drop_duplicates("model_id"), "split", "category"),
         samples=len(table),
         **set_aside(aside),
+        **versions,
     )
 
 
