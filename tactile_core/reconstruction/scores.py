@@ -7,6 +7,7 @@ import pandas as pd
 
 from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.progress import counted
 from tactile_core.reconstruction.batches import draw_touch_sets, felt_outlines
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
@@ -43,7 +44,8 @@ def evaluate_reconstruction(
         loss, scores = evaluate(net, sets, some.packed, device, models, indices)
         rows.append((split, None, loss, float(scores.mean()), len(scores)))
         progress(f"reconstruction: {split} Jaccard {scores.mean():.1f} over {len(scores)} sets")
-        for touches in range(most + 1):
+        counts, words = range(most + 1), f"numbers of touches on the {split} split"
+        for touches in counted(counts, len(counts), progress, words):
             rng = np.random.default_rng([seed, touches])
             sets = draw_touch_sets(some, rng, fewest=touches, most=touches)
             loss, scores = evaluate(net, sets, some.packed, device, models)

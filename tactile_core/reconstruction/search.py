@@ -1,6 +1,7 @@
 """Hyperparameter search with Ray Tune: Bayesian optimisation with HyperBand (report, section V)."""
 
 import random
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import remove_folder
 from tactile_core.keys import work_key
+from tactile_core.progress import SECONDS_BETWEEN_WORDS, to_go
 from tactile_core.reconstruction.batches import TouchSource, outline_source
 from tactile_core.reconstruction.trial import run_trial
 from tactile_core.settings import SearchSettings
@@ -187,12 +189,13 @@ def trial_row(metrics: dict[str, Any]) -> dict[str, Any]:
 
 
 class Reporter(tune.Callback):
-    """Tells `progress` of each epoch of each trial, and of trials that failed."""
+    """Tells `progress` of each epoch of each trial, of trials that failed, and how far it is."""
 
     def __init__(self, settings: SearchSettings, progress: Callable[[str], None]) -> None:
         self.settings = settings
         self.progress = progress
         self.numbers: dict[str, int] = {}
+        self.began = self.said = time.monotonic()
 
     def __getstate__(self) -> dict[str, Any]:
         """Tune pickles its callbacks with the experiment; `progress` may hold a logger."""
@@ -202,12 +205,24 @@ class Reporter(tune.Callback):
         self, iteration: int, trials: list[Any], trial: Any, result: dict[str, Any], **info: Any
     ) -> None:
         row = trial_row(result)
+        self.said = time.monotonic()
         number = self.numbers.setdefault(trial.trial_id, len(self.numbers) + 1)
         self.progress(
             f"U-Net search: trial {number}/{self.settings.trials} epoch {row['epochs']}: eval loss "
             f"{row['loss']:.4f}, Jaccard {row['jaccard']:.1f} (rate {row['learning_rate']:.1e}, "
             f"batch {row['batch_size']}, depth {row['depth']}, channels {row['channels']})"
         )
+
+    def on_step_end(self, iteration: int, trials: list[Any], **info: Any) -> None:
+        """Called all the time, where an epoch may take long."""
+        now = time.monotonic()
+        if now - self.said < SECONDS_BETWEEN_WORDS:
+            return
+        self.said = now
+        done, total = sum(trial.is_finished() for trial in trials), self.settings.trials
+        running = sum(trial.status == "RUNNING" for trial in trials)
+        rest = to_go(now - self.began, done, total)
+        self.progress(f"U-Net search: {done} of {total} trials done, {running} run{rest}")
 
     def on_trial_error(self, iteration: int, trials: list[Any], trial: Any, **info: Any) -> None:
         self.progress(f"U-Net search: trial {trial.trial_id} failed and is left out")

@@ -68,8 +68,8 @@ def train_scorer(
                 for name in CURVE:
                     writer.add_scalar(f"gain/{name}", row[name], row["steps"])
             words = f"{title}: {learner.iteration}/{total} iterations"
-            if learner.curve:
-                row = learner.curve[-1]
+            row = learner.curve[-1] if learner.curve else {}
+            if np.isfinite(row.get("jaccard", np.nan)):  # an exploration has ended
                 words += (
                     f", gain {row['reward']:.2f} a ray, Jaccard {row['jaccard']:.1f} after {RAYS}"
                 )

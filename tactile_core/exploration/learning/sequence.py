@@ -9,9 +9,11 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.learning.gains import find_gains
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
+from tactile_core.progress import teller
 from tactile_core.reconstruction.inference import Reconstructor
 
 SHAPES = 200  # train shapes that rays are tried on, drawn by the seed
+AT_ONCE = 20  # shapes between two looks at the clock
 
 
 def best_sequence(
@@ -30,21 +32,34 @@ def best_sequence(
     rng = np.random.default_rng(seed)
     some = rng.choice(len(train), min(SHAPES, len(train)), replace=False)
     candidates = candidate_rays(train.resolution).reshape(-1, 2)
-    explorations = Explorations(train.packed[np.sort(some)], reconstructor)
+    parts = np.array_split(np.sort(some), -(-len(some) // AT_ONCE))
+    explorations = [Explorations(train.packed[part], reconstructor) for part in parts]
+    tell = teller(progress, RAYS * len(parts))
+    before = mean_of([part.jaccard for part in explorations])
     rays, rows = [], []
     for number in range(1, RAYS + 1):
-        gains, known = find_gains(explorations, 2 * len(candidates), rng)  # (N, C) each
-        tried = known.sum(axis=0)
-        means = np.where(tried, (gains * known).sum(axis=0) / np.maximum(tried, 1), -np.inf)
+        gained, tried = np.zeros(len(candidates)), np.zeros(len(candidates), int)
+        for done, part in enumerate(explorations, start=1):
+            gains, known = find_gains(part, 2 * len(candidates), rng)  # (n, C) each
+            gained += (gains * known).sum(axis=0)
+            tried += known.sum(axis=0)
+            words = f"{title}: ray {number}/{RAYS} tried on {done} of {len(parts)} parts"
+            tell((number - 1) * len(parts) + done, words)
+        means = np.where(tried, gained / np.maximum(tried, 1), -np.inf)
         rays.append(candidates[means.argmax()])
-        before = explorations.jaccard.mean()
-        explorations.cast(np.tile(rays[-1], (len(explorations), 1)))
-        jaccard = float(explorations.jaccard.mean())
+        for part in explorations:
+            part.cast(np.tile(rays[-1], (len(part), 1)))
+        jaccard = mean_of([part.jaccard for part in explorations])
         rows.append(
             {
-                "stage": 0, "steps": number * len(explorations), "reward": jaccard - before,
-                "jaccard": jaccard, "touches": float(explorations.held.mean()),
+                "stage": 0, "steps": number * len(some), "reward": jaccard - before,
+                "jaccard": jaccard, "touches": mean_of([part.held for part in explorations]),
             }
         )  # fmt: skip
+        before = jaccard
         progress(f"{title}: ray {number}/{RAYS}, Jaccard {jaccard:.1f}")
     return np.stack(rays), pd.DataFrame(rows)
+
+
+def mean_of(parts: list[np.ndarray]) -> float:
+    return float(np.concatenate(parts).mean())

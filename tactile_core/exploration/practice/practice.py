@@ -24,6 +24,7 @@ from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import remove_folder
 from tactile_core.keys import work_key
+from tactile_core.progress import teller
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet, save_unet
 from tactile_core.reconstruction.training import train_unet
@@ -72,7 +73,8 @@ def practise(
     rng = np.random.default_rng(settings.seed)
     tables = []
     for number, some in enumerate(practices):
-        rays, touches = record(some, train, reconstructor, rng)
+        title = f"practice: run {number + 1}/{len(practices)}, {some.policy.name}"
+        rays, touches = record(some, train, reconstructor, rng, title, progress)
         table = pd.DataFrame({"sample_id": train.sample_ids, "sequence": number})
         tables.append(
             table.assign(
@@ -82,7 +84,6 @@ def practise(
                 touches=pd.Series(list(touches), dtype=object),
             )
         )
-        progress(f"practice: {number + 1}/{len(practices)} runs recorded, {some.policy.name}")
     remove_folder(work)
     return pd.concat(tables, ignore_index=True)
 
@@ -116,11 +117,17 @@ def first_unet(
 
 
 def record(
-    practice: Practice, train: Shapes, reconstructor: Reconstructor, rng: np.random.Generator
+    practice: Practice,
+    train: Shapes,
+    reconstructor: Reconstructor,
+    rng: np.random.Generator,
+    title: str,
+    progress: Callable[[str], None],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Ten rays on every train shape: rays (N, RAYS, 2) int and touches (N, RAYS, 2) int16."""
     candidates = candidate_rays(train.resolution).reshape(-1, 2)
     rays, touches = [], []
+    done, tell = 0, teller(progress, len(train))
     for masks in train.packed.portions():
         explorations = Explorations(masks, reconstructor)
         for _ in range(RAYS):
@@ -129,6 +136,8 @@ def record(
             chosen[stray] = candidates[rng.integers(len(candidates), size=len(stray))]
             rays.append(chosen)
             touches.append(explorations.cast(chosen).touches)
+        done += len(masks)
+        tell(done, f"{title}: {done} of {len(train)} samples")
     return by_sample(rays), by_sample(touches)
 
 

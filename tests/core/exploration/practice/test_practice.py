@@ -90,7 +90,14 @@ def test_practice_killed_after_the_first_unet_trains_none_again(
 def test_strays_are_as_many_as_asked(small_shapes, reconstructor_48):
     train = small_shapes["train"]
     even = find_reference("even")
-    straight, _ = record(Practice(even, 0), train, reconstructor_48, np.random.default_rng(0))
-    strayed, _ = record(Practice(even, 0.25), train, reconstructor_48, np.random.default_rng(0))
+    said: list[str] = []
+    straight, strayed = (
+        record(
+            Practice(even, strays), train, reconstructor_48, np.random.default_rng(0), "even",
+            said.append,
+        )[0]
+        for strays in (0, 0.25)
+    )  # fmt: skip
+    assert said[-1] == f"even: {len(train)} of {len(train)} samples"
     share = (straight != strayed).any(axis=-1).mean()
     assert 0.15 < share < 0.35
