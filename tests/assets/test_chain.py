@@ -13,7 +13,7 @@ from tactile_assets.runs import LOCATION
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table
-from tests.assets.running import ALL, run_for, run_whole_chain, shell
+from tests.assets.running import ALL, run_for, shell
 
 TABLES = [asset for asset in ALL if asset not in ("unet", "policies")]
 
@@ -203,13 +203,6 @@ def test_results_that_are_not_there_are_missed_in_one_line(tmp_path):
     done = shell("python -m tactile_core results", tmp_path)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1 and "materialise" in done.stderr
-
-
-def test_a_second_run_elsewhere_gives_equal_data_versions(chain, tmp_path):
-    run_whole_chain("dg launch --assets '*'", tmp_path)
-    with dg.DagsterInstance.from_config(str(tmp_path / "dagster")) as instance:
-        again = type(chain)(tmp_path, instance).data_versions(ALL)
-    assert again == chain.data_versions(ALL)
 
 
 def test_policies_of_every_approach_are_trained_from_what_is_stored(copy_of_chain):

@@ -81,13 +81,13 @@ def test_an_index_of_policies_with_a_changed_bit_never_names_others(policies):
     whole = index.read_bytes()
     assert read() == ["total-0", "total-1"]
     for place in range(len(whole)):
-        for bit in range(8):
-            index.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << bit]) + whole[place + 1 :])
-            try:
-                assert read() == ["total-0", "total-1"]
-            except TactileError as error:
-                told.append(str(error))
-    assert len(told) > 0.9 * 8 * len(whole)
+        bit = place % 8  # one of each byte
+        index.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << bit]) + whole[place + 1 :])
+        try:
+            assert read() == ["total-0", "total-1"]
+        except TactileError as error:
+            told.append(str(error))
+    assert len(told) > 0.9 * len(whole)
     assert all("materialise policies" in message for message in told)
 
 

@@ -16,7 +16,7 @@ def runs_recorded(home) -> int:
 
 @pytest.mark.parametrize(
     "command",
-    [MESHES, "python -m tactile_core results", "python -m tactile_core publish x", "true"],
+    [MESHES, "python -m tactile_core publish x", "true"],
 )
 def test_a_home_that_cannot_be_made_stops_activation_and_every_command(tmp_path, command):
     (tmp_path / "file").write_text("")
@@ -47,9 +47,9 @@ def test_a_home_named_after_activation_is_refused_and_nothing_is_written_there(t
     assert runs_recorded(tmp_path / "later") == 1
 
 
-@pytest.mark.parametrize("name", ["sp ace", "a#1 50% off", "[1]{a}:b", "日本 'quoted'"])
-def test_a_home_of_any_usual_name_works_and_leaves_nothing_beside_it(tmp_path, name):
-    done = shell(MESHES, tmp_path / name)
+def test_a_home_of_any_usual_name_works_and_leaves_nothing_beside_it(tmp_path):
+    name = "sp ace, #1 50% off [1]{a}:b 日本 'quoted'"
+    done = shell("dg launch --assets shapenet_meshes", tmp_path / name)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert runs_recorded(tmp_path / name) == 1
@@ -62,7 +62,7 @@ def test_sourcing_twice_halves_the_threads_once(tmp_path):
 
 
 def test_an_unknown_profile_is_told_in_one_line_by_every_command(tmp_path):
-    for command in (MESHES, "python -m tactile_core results", "python -m tactile_core publish"):
+    for command in (MESHES, "python -m tactile_core results"):
         done = shell(command, tmp_path, TACTILE_PROFILE="huge")
         assert done.returncode != 0
         assert done.stderr.strip().removeprefix("Error: ").splitlines() == [
