@@ -82,6 +82,7 @@ PRACTICE = {
     "strays": "Share of its rays (0 to 1) that any other replaced.",
     "rays": "Rays (alpha, beta): indices of the circle's pixels where each starts and ends.",
     "touches": "Where each ray met the shape (row, column); -1 where it missed.",
+    **KEY,
 }
 RECONSTRUCTION = {
     "split": SPLIT["split"],

@@ -12,7 +12,16 @@ from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.io_managers import TrainedUNet
-from tactile_assets.metadata import curves_at, number, numbers, seconds_since, shown, stored, wing
+from tactile_assets.metadata import (
+    curves_at,
+    number,
+    numbers,
+    renewed,
+    seconds_since,
+    shown,
+    stored,
+    wing,
+)
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table
@@ -111,12 +120,14 @@ def practice_rays(
 
     began = time.perf_counter()
     settings = with_best_trial(config, unet_search)
+    previous = store.previous("practice_rays")
     table = handed_over(
         practise,
         load_shapes(rotated_splits, outlines, "train"),
         load_shapes(rotated_splits, outlines, "eval"),
         PracticeSettings(**settings.model_dump()),
         work=store.far_work("practice_rays"),
+        previous=previous,
         needs=LARGE_TRAINING,
         progress=context.log.info,
     )
@@ -135,6 +146,7 @@ def practice_rays(
         columns.PRACTICE,
         runs_of_rays=shown(runs.reset_index()),
         sequences=len(table),
+        **renewed(table, previous),
         seconds=seconds_since(began),
     )
 

@@ -42,6 +42,9 @@ def test_practice_records_what_each_ray_touched_and_repeats_itself(small_shapes,
     np.testing.assert_array_equal(met, touches.reshape(-1, 2))
     again = practise(train, eval_shapes, QUICK, work=tmp_path / "other")
     assert table_hash(again) == table_hash(table)
+    said: list[str] = []
+    kept = practise(train, eval_shapes, QUICK, work=tmp_path, previous=table, progress=said.append)
+    assert kept is table and said == ["practice: kept, as nothing that it depends on has changed"]
     felt = rays_and_outlines(train, 0, free_space=True, practice=sequences).draw(
         np.random.default_rng(0), np.zeros(900, int)
     )
