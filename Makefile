@@ -24,8 +24,9 @@ $(STAMP):
 	@echo '. "$$VIRTUAL_ENV/../environment.sh"' >> .venv/bin/activate
 	@touch $@
 
+# One process more than cores: tests of daemons, browsers and clusters wait a lot.
 test: install ## Install what is missing and run the tests, in random order on all cores
-	@$(ACTIVATE) && pytest -n auto --maxprocesses 8 --dist loadscope --no-loadscope-reorder
+	@$(ACTIVATE) && pytest -n $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --maxprocesses 8 --dist loadscope --no-loadscope-reorder
 
 mutants: install ## See whether the tests tell small changes of the code; docs/mutation.md
 	@$(ACTIVATE) && python -m tests.mutants

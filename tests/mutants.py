@@ -44,8 +44,6 @@ SLOW = (
     "every_process or process_to_process or number_of_processes or takes_no_more_memory or "
     "little_memory or drawing_rows_again or lets_through or is_let_through"
 )
-# Train nets, for other modules' sake: never asked.
-ASIDE = "what_the_code_decides"
 LONGEST = 60  # seconds of computing, after which a mutant counts as told: it does not end
 # cosmic-ray replaces each operator by every other; one of them is enough to see it tested.
 ONE_OF = {
@@ -119,9 +117,7 @@ def same(before: str, after: str) -> bool:
 
 def survives(tree: Path, tests: list[str]) -> bool:
     """Whether the tests pass, the slow ones last."""
-    return all(
-        passes(tree, [*tests, "-k", f"not ({ASIDE}) and {which} ({SLOW})"]) for which in ("not", "")
-    )
+    return all(passes(tree, [*tests, "-k", f"{which} ({SLOW})"]) for which in ("not", ""))
 
 
 def passes(tree: Path, arguments: list[str]) -> bool:
