@@ -11,14 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from upath import UPath
 
+from tactile_core.dataset.sources import answers
 from tactile_core.dataset.sources import download as download_module
+from tactile_core.dataset.sources.answers import HuggingFaceToken, MissingFileError
 from tactile_core.dataset.sources.cache import PIECE, copy_object
-from tactile_core.dataset.sources.download import (
-    HuggingFaceToken,
-    MissingFileError,
-    download,
-    remote_version,
-)
+from tactile_core.dataset.sources.download import download, remote_version
 from tactile_core.errors import TactileError
 
 BODY = os.urandom(3 << 20)
@@ -177,9 +174,9 @@ def test_refused_access_speaks_of_the_server_that_refused(make_store, tmp_path, 
 
 
 def test_refused_access_at_hugging_face_says_to_accept_the_licence_and_set_a_token():
-    said = download_module._how_to_enter("https://huggingface.co/datasets/a.zip")
+    said = answers.how_to_enter("https://huggingface.co/datasets/a.zip")
     assert "accept the licence" in said and "HF_TOKEN" in said
-    assert "HF_TOKEN" not in download_module._how_to_enter("https://huggingface.co.example.org/a")
+    assert "HF_TOKEN" not in answers.how_to_enter("https://huggingface.co.example.org/a")
 
 
 def test_a_missing_file_is_told_at_once(make_store, tmp_path):
@@ -307,7 +304,7 @@ def test_a_redirect_to_another_host_takes_no_token_along(make_store, tmp_path, m
     storage = make_store(body=BODY)
     storage_url = storage.url.replace("127.0.0.1", "localhost")
     hub = make_store(redirect=storage_url)
-    monkeypatch.setattr(download_module, "takes_token", lambda url: url.startswith(hub.url))
+    monkeypatch.setattr(answers, "takes_token", lambda url: url.startswith(hub.url))
     assert get(hub.url, tmp_path, token="secret").read_bytes() == BODY
     assert hub.requests[0][1]["Authorization"] == "Bearer secret"
     assert "Authorization" not in storage.requests[0][1]
