@@ -65,7 +65,7 @@ def test_the_unet_learns_from_the_rays_that_practice_stored(chain, tmp_path):
     splits, outlines = (read_table(store / f"{n}.parquet") for n in ("rotated_splits", "outlines"))
     train = load_shapes(splits, outlines, "train")
     table = read_table(store / "practice_rays.parquet")
-    assert list(table) == ["sample_id", "sequence", "policy", "strays", "rays", "touches"]
+    assert list(table) == ["sample_id", "sequence", "policy", "strays", "rays", "touches", "key"]
     assert dict(table["policy"].value_counts()) == {
         "gain": 4 * len(train),
         "coverage": 2 * len(train),
