@@ -47,6 +47,11 @@ def redacted(text: str) -> str:
     return QUERY.sub(r"\1", USER.sub(_user, text))
 
 
+def one_line(error: BaseException) -> str:
+    """What an exception says, on one line of at most 200 characters, without passwords."""
+    return redacted(" ".join(str(error).split()))[:200] or type(error).__name__
+
+
 def holds_secret(address: str) -> bool:
     """Whether an address has a password in it, or what looks like a signature."""
     if "://" not in address:

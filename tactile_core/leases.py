@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field
 
 from upath import UPath
 
+from tactile_core.addresses import one_line
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash
 from tactile_core.processes import Worker
@@ -68,8 +69,9 @@ def leased(lock: UPath, name: str, waits: Callable[[str], None]) -> Iterator[Non
     finally:
         over.set()
         renewal.join()
-        if _is_ours(lock, claim):
-            lock.unlink()
+        with contextlib.suppress(Exception):  # the store is gone: the claim ends by itself
+            if _is_ours(lock, claim):
+                lock.unlink()
 
 
 def _take(lock: UPath, claim: Claim, waits: Callable[[str], None]) -> Claim:
@@ -118,7 +120,7 @@ def _created(lock: UPath, claim: Claim) -> bool:
         return False
     except Exception as error:  # every fsspec file system has errors of its own
         raise TactileError(
-            f"{lock.parent} cannot be written to ({error}): mend that or name another"
+            f"{lock.parent} cannot be written to ({one_line(error)}): mend that or name another"
         ) from error
     return True
 
@@ -130,6 +132,8 @@ def _holder(lock: UPath) -> Claim | None:
         return Claim.from_bytes(lock.fs.cat_file(lock.path))
     except FileNotFoundError:
         return None
+    except Exception as error:  # every fsspec file system has errors of its own
+        raise TactileError(f"{lock} cannot be read ({one_line(error)}): mend that") from error
 
 
 def _is_ours(lock: UPath, claim: Claim) -> bool:

@@ -15,10 +15,10 @@ import pandas as pd
 import trimesh
 from upath import UPath
 
-from tactile_core.addresses import full
+from tactile_core.addresses import full, one_line
 from tactile_core.dataset.geometry import geometry_hash
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
-from tactile_core.dataset.sources.archives import one_line, path_of, read_member, safe_members
+from tactile_core.dataset.sources.archives import path_of, read_member, safe_members
 from tactile_core.dataset.sources.folders import as_local, as_path, read_file, walk
 from tactile_core.dataset.sources.layouts import (
     SUFFIXES,

@@ -108,3 +108,8 @@ def test_a_store_that_cannot_be_written_to_is_named(place):
     nowhere = UPath("s3://nowhere/store")
     with pytest.raises(TactileError, match=f"{nowhere} cannot be written to"):
         claimed(nowhere, "ours", pytest.fail).__enter__()
+
+
+def test_work_that_is_done_stays_so_where_the_store_has_gone_meanwhile(place, monkeypatch):
+    with claimed(place, "ours", pytest.fail):
+        monkeypatch.setattr(leases, "_holder", lambda lock: 1 / 0)

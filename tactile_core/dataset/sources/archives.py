@@ -13,7 +13,7 @@ from collections.abc import Collection
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from tactile_core.addresses import redacted
+from tactile_core.addresses import one_line
 from tactile_core.dataset.sources.looks import what_it_is
 from tactile_core.errors import TactileError
 
@@ -138,11 +138,6 @@ def read_pieces(file: IO[bytes], most: int) -> bytes:
 def too_large(size: int) -> str:
     """Why a mesh of `size` bytes is not read."""
     return f"has {size / 1e6:.1f} MB, more than the {MAX_FILE / 1e6:.1f} MB that are read"
-
-
-def one_line(error: BaseException) -> str:
-    """What an exception says, on one line of at most 200 characters, without passwords."""
-    return redacted(" ".join(str(error).split()))[:200] or type(error).__name__
 
 
 def _path_problem(name: str) -> str | None:

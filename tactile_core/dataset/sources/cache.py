@@ -15,8 +15,7 @@ from urllib.parse import unquote, urlsplit
 from filelock import FileLock
 from upath import UPath
 
-from tactile_core.addresses import shown
-from tactile_core.dataset.sources.archives import one_line
+from tactile_core.addresses import one_line, shown
 from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.files import content_hash
 

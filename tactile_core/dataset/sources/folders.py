@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from upath import UPath
 
-from tactile_core.addresses import shown
-from tactile_core.dataset.sources.archives import MAX_FILE, one_line, read_pieces, too_large
+from tactile_core.addresses import one_line, shown
+from tactile_core.dataset.sources.archives import MAX_FILE, read_pieces, too_large
 from tactile_core.errors import TactileError, spelt
 from tactile_core.files import is_local
 

@@ -4,7 +4,8 @@ import numpy as np
 import trimesh
 from upath import UPath
 
-from tactile_core.dataset.sources.archives import MAX_FILE, one_line
+from tactile_core.addresses import one_line
+from tactile_core.dataset.sources.archives import MAX_FILE
 from tactile_core.dataset.sources.glb import read_glb
 from tactile_core.dataset.sources.obj import read_obj
 from tactile_core.dataset.sources.off import read_off

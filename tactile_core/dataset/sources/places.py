@@ -16,9 +16,9 @@ from urllib.parse import urlsplit, urlunsplit
 
 from upath import UPath
 
-from tactile_core.addresses import full, shown
+from tactile_core.addresses import full, one_line, shown
 from tactile_core.dataset.sources.answers import MissingFileError
-from tactile_core.dataset.sources.archives import one_line, open_archive
+from tactile_core.dataset.sources.archives import open_archive
 from tactile_core.dataset.sources.cache import copy_object, failure, forget, object_version
 from tactile_core.dataset.sources.download import download, remote_version, verify_sha256
 from tactile_core.dataset.sources.folders import as_local, as_path, walk
