@@ -58,12 +58,12 @@ def main() -> None:
     rows = pd.read_csv(table).to_dict("records") if table.exists() else []
     sizes: list[tuple[int, tuple[str, ...]]] = [(n, (*STAGES, OPENED)) for n in options.models]
     if options.times:
-        few = folder / f"home-{options.resolution}-{options.models[-1]}"
-        many = options.models[-1] * options.times
-        repeat(few, folder / f"home-{options.resolution}-{many}", options.times)
-        sizes.append((many, ("outlines", "tactile_samples", OPENED)))
+        sizes.append((options.models[-1] * options.times, (*STAGES[3:], OPENED)))
     for models, stages in sizes:
         home = folder / f"home-{options.resolution}-{models}"
+        if stages[0] not in STAGES[:3]:
+            few = folder / f"home-{options.resolution}-{options.models[-1]}"
+            repeat(few, home, options.times)
         source = folder / f"source-{models}"
         for stage in stages:
             size = {"resolution": options.resolution, "models": models, "stage": stage}
