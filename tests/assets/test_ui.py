@@ -20,6 +20,7 @@ from tests.assets.running import ALL, plain
 from tests.browser import browser_page
 
 ASSETS = "/assets"
+MARGIN = 12  # pixels
 LAUNCHPAD = "/locations/tactile-exploration/jobs/dataset/playground"
 
 
@@ -55,14 +56,27 @@ def page() -> Iterator[Page]:
 
 
 @pytest.fixture
-def keep(page) -> Callable[[str], None]:
-    """Keep a picture of what the page shows, where pictures were asked for."""
+def keep(page) -> Callable[..., None]:
+    """Keep a picture of what the page shows, where pictures were asked for: all of it, or the
+    rectangle `around` what that selector finds."""
 
-    def screenshot(name: str) -> None:
+    def screenshot(name: str, around: str | None = None) -> None:
         if folder := os.environ.get("TACTILE_SCREENSHOTS"):
-            page.screenshot(path=Path(folder, f"{name}.png"))
+            page.screenshot(
+                path=Path(folder, f"{name}.png"),
+                clip=rectangle(page, around) if around else None,
+                style="#zoom-slider-container { display: none }",  # it covers the graph's corner
+            )
 
     return screenshot
+
+
+def rectangle(page: Page, around: str) -> dict[str, float]:
+    boxes = [box for found in page.locator(around).all() if (box := found.bounding_box())]
+    left, top = (min(box[side] for box in boxes) - MARGIN for side in ("x", "y"))
+    right = max(box["x"] + box["width"] for box in boxes) + MARGIN
+    bottom = max(box["y"] + box["height"] for box in boxes) + MARGIN
+    return {"x": left, "y": top, "width": right - left, "height": bottom - top}
 
 
 def test_the_first_page_is_the_whole_graph_and_nothing_in_it_is_stale(page, pages, keep):
@@ -72,7 +86,7 @@ def test_the_first_page_is_the_whole_graph_and_nothing_in_it_is_stale(page, page
         name = asset if len(asset) < 16 else asset[:6]  # long ones are shortened in the middle
         expect(page.get_by_text(name).first).to_be_visible()
     expect(page.get_by_role("button", name="Materialize all")).to_be_enabled()
-    keep("lineage")
+    keep("lineage", around="[data-svg-viewport] foreignObject")
     query = {"query": "{ assetNodes { assetKey { path } staleStatus } }"}
     answer = page.request.post(f"{pages['site']}/graphql", data=query).json()
     assert {

@@ -74,6 +74,24 @@ def test_the_same_seed_gives_the_same_table(table, unet, shapes, tactile_samples
     assert evaluate_reconstruction(unet, shapes, tactile_samples).equals(table)
 
 
+def test_splits_that_did_not_change_are_kept(table, unet, shapes, tactile_samples):
+    told = table.assign(loss=0.0)
+    assert evaluate_reconstruction(unet, shapes, tactile_samples, previous=told).equals(told)
+    fewer = tactile_samples[tactile_samples["sample_id"] != shapes["test"].sample_ids[0]]
+    again = evaluate_reconstruction(unet, shapes, fewer, previous=told)
+    assert again["loss"].eq(0).groupby(again["split"]).all().to_dict() == {
+        "train": True, "eval": True, "test": False,
+    }  # fmt: skip
+    without_keys = table.drop(columns="key")
+    assert (
+        evaluate_reconstruction(
+            unet, {"test": shapes["test"]}, tactile_samples, previous=without_keys
+        )["loss"]
+        .gt(0)
+        .all()
+    )
+
+
 def test_on_the_train_split_no_model_is_reconstructed_from_its_own_known_shapes(
     knowing_unet, shapes, tactile_samples
 ):
