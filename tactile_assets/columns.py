@@ -90,6 +90,7 @@ RECONSTRUCTION = {
     "loss": "Mean loss, as in training.",
     **JACCARD,
     "samples": "Number of touch sets that this is the mean of.",
+    **KEY,
 }
 ROLLOUTS = {
     **POLICY,

@@ -258,9 +258,14 @@ def reconstruction_evaluation(
         remedy="the splits have been dealt anew since, materialise unet again",
     )  # fmt: skip
     began = time.perf_counter()
-    table = evaluate_reconstruction(unet, shapes, tactile_samples, progress=context.log.info)
+    previous = store.previous("reconstruction_evaluation")
+    table = evaluate_reconstruction(
+        unet, shapes, tactile_samples, previous=previous, progress=context.log.info
+    )
     seconds = time.perf_counter() - began
     mix = table[table["touches"].isna()].set_index("split")
+    made = renewed(table, previous)
+    rate = {} if made["kept"] else {"samples_a_second": number(table["samples"].sum() / seconds)}
     return stored(
         table,
         columns.RECONSTRUCTION,
@@ -271,7 +276,9 @@ def reconstruction_evaluation(
         jaccard_by_number_of_touches=store.picture("reconstruction.png", png(touches_curve(table))),
         **numbers("jaccard", mix["jaccard"]),
         **numbers("loss", mix["loss"]),
-        samples_a_second=number(table["samples"].sum() / seconds),
+        **made,
+        **rate,
+        seconds=number(seconds),
     )
 
 

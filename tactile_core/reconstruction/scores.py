@@ -1,13 +1,15 @@
 """How well the U-Net reconstructs: the report's Table II, and Jaccard by number of touches."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
 
 from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.progress import counted
+from tactile_core.files import content_hash
+from tactile_core.keys import work_key
+from tactile_core.progress import teller
 from tactile_core.reconstruction.batches import draw_touch_sets, felt_outlines
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
@@ -17,6 +19,7 @@ from tactile_core.reconstruction.training import begin_training, evaluate, train
 from tactile_core.reconstruction.unet import on_device
 
 OVERFIT_TOUCHES = 60
+COLUMNS = ["split", "touches", "loss", "jaccard", "samples", "key"]
 
 
 def evaluate_reconstruction(
@@ -26,32 +29,59 @@ def evaluate_reconstruction(
     *,
     most: int = 10,
     seed: int = 0,
+    previous: pd.DataFrame | None = None,
     progress: Callable[[str], None] = lambda message: None,
 ) -> pd.DataFrame:
-    """Rows (split, touches, loss, jaccard 0–100, samples) for each split of `shapes`.
+    """Rows (split, touches, loss, jaccard 0–100, samples, key) for each split of `shapes`.
 
     A row with empty `touches` is over the stored touch sets (Table II); the others hold
     exactly 0…`most` touches, drawn afresh from each outline. A U-Net that knows shapes does
     not recall those of the very model that it reconstructs: on the train split it could.
+    A split whose rows in `previous` have the same key is taken from there.
     """
-    rows: list[tuple[str, int | None, float, float, int]] = []
-    device = best_device()
+    tables = []
     for split, some in shapes.items():
-        recalls_own = split == "train" and unet.known is not None
-        net = on_device(unet.net(some if recalls_own else None), device)
-        models = some.model_ids if recalls_own else None
         indices, sets = touch_sets_of(some, tactile_samples)
-        loss, scores = evaluate(net, sets, some.packed, device, models, indices)
-        rows.append((split, None, loss, float(scores.mean()), len(scores)))
-        progress(f"reconstruction: {split} Jaccard {scores.mean():.1f} over {len(scores)} sets")
-        counts, words = range(most + 1), f"numbers of touches on the {split} split"
-        for touches in counted(counts, len(counts), progress, words):
-            rng = np.random.default_rng([seed, touches])
-            sets = draw_touch_sets(some, rng, fewest=touches, most=touches)
-            loss, scores = evaluate(net, sets, some.packed, device, models)
-            rows.append((split, touches, loss, float(scores.mean()), len(scores)))
-    table = pd.DataFrame(rows, columns=["split", "touches", "loss", "jaccard", "samples"])
-    return table.astype({"touches": "Int64"})
+        key = work_key(
+            "reconstruction.scores",
+            settings={"split": split, "most": most}, seed=seed,
+            unet=unet.version(), shapes=some.version,
+            touches=content_hash(indices.tobytes(), *(touches.tobytes() for touches in sets)),
+        )  # fmt: skip
+        if previous is not None and (previous.get("key", pd.Series()) == key).any():
+            table = previous[previous["key"] == key]
+        else:
+            rows = split_rows(unet, split, some, (indices, sets), most, seed, progress)
+            table = pd.DataFrame(rows, columns=["touches", "loss", "jaccard", "samples"])
+            table = table.assign(split=split, key=key).astype({"touches": "Int64"})
+        tables.append(table[COLUMNS])
+    return pd.concat(tables, ignore_index=True)
+
+
+def split_rows(
+    unet: TrainedUNet,
+    split: str,
+    shapes: Shapes,
+    stored: tuple[np.ndarray, list[np.ndarray]],
+    most: int,
+    seed: int,
+    progress: Callable[[str], None],
+) -> Iterator[tuple[int | None, float, float, int]]:
+    """(touches, loss, jaccard, samples) over the `stored` touch sets and for 0…`most` touches."""
+    device = best_device()
+    recalls_own = split == "train" and unet.known is not None
+    net = on_device(unet.net(shapes if recalls_own else None), device)
+    models = shapes.model_ids if recalls_own else None
+    indices, sets = stored
+    loss, scores = evaluate(net, sets, shapes.packed, device, models, indices)
+    yield None, loss, float(scores.mean()), len(scores)
+    tell = teller(progress, most)
+    for touches in range(most + 1):
+        rng = np.random.default_rng([seed, touches])
+        sets = draw_touch_sets(shapes, rng, fewest=touches, most=touches)
+        loss, scores = evaluate(net, sets, shapes.packed, device, models)
+        yield touches, loss, float(scores.mean()), len(scores)
+        tell(touches, f"{split} split, {touches} touches: Jaccard {scores.mean():.1f}")
 
 
 def mean_shape_jaccard(train: Shapes, test: Shapes) -> float:
