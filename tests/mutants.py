@@ -54,7 +54,10 @@ ONE_OF = {
 }  # fmt: skip
 # Two lines that become the same by these do the same; docs/mutation.md says why.
 THE_SAME = [
-    (r"(masks?|free)\.shape\[[+-]*[12]\]", "resolution"),
+    (r"(masks?|free)\.shape\[[+-]* ?[12]\]", "resolution"),
+    (r"touches\[:, -?[01]\] (< [01]|<= 0)", "missed"),
+    (r"touches\[:, -?[01]\] (>= [01]|> 0)", "hit"),
+    (r"\((rows|places) (>= [01]|> 0)\)", r"(\1 inside)"),
     (r"reshape\(\(?- ?\d", "reshape(-1"),
     (r"(strict|frozen|optimize)=(True|False)", ""),
     (r"if (not )?TYPE_CHECKING", ""),

@@ -14,7 +14,7 @@ from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.rendering.silhouettes import EMPTY, render_masks
 from tactile_core.dataset.seeds import generator
 from tactile_core.dataset.sources.parsing import load_mesh
-from tactile_core.dataset.splits import rotate_splits, split_models
+from tactile_core.dataset.splits import rotate_splits, split_models, views_of_model
 from tactile_core.errors import TactileError
 from tactile_core.files import content_hash, read_table, table_hash, write_table
 from tactile_core.settings import LARGEST_SEED, MaskSettings, SplitSettings
@@ -62,6 +62,52 @@ def test_every_model_stands_in_one_split_and_every_split_has_models(counts, eval
             if count >= 10:
                 assert abs(of_category["test"] - max(1, tests * count)) <= 0.5 + 1e-9
                 assert abs(of_category["eval"] - max(1, evals * count)) <= 0.5 + 1e-9
+
+
+def objects(*names: str) -> pd.DataFrame:
+    """Models of the objects that these words' letters name; a word is a category."""
+    letters = "".join(names)
+    return models([len(word) for word in names]).assign(
+        content_hash=[*letters], geometry=[*letters]
+    )
+
+
+def shared(splits: pd.DataFrame) -> dict[str, int]:
+    return splits["split"].value_counts().to_dict()
+
+
+def test_where_every_category_is_too_small_each_split_still_gets_an_object():
+    assert shared(split_models(models([1, 1, 1]), DEFAULT)) == {"train": 1, "eval": 1, "test": 1}
+    assert shared(split_models(models([2, 2, 1]), DEFAULT)) == {"train": 3, "eval": 1, "test": 1}
+
+
+def test_the_object_with_fewest_copies_leaves_a_split_that_has_enough():
+    splits = split_models(objects("aaa", "bb", "cc", "d"), DEFAULT)
+    assert splits.groupby("copy_of")["split"].first().to_dict() == {
+        "0-0": "train", "1-0": "eval", "2-0": "train", "3-0": "test",
+    }  # fmt: skip
+
+
+def test_one_or_two_models_of_a_category_stay_in_train_beside_larger_ones():
+    splits = split_models(models([2, 30, 1]), DEFAULT)
+    assert set(splits.loc[splits["category"] != "c1", "split"]) == {"train"}
+
+
+def test_copies_that_are_more_than_a_share_leave_train_only_where_there_are_three_objects():
+    """A share of six models is one, and each object has two."""
+    three = split_models(objects("aabbcc", "defghijklm"), DEFAULT)
+    first = three[three["category"] == "c0"]
+    assert shared(first) == {"train": 2, "test": 2, "eval": 2}
+    two = split_models(objects("aabb", "defghijklm"), DEFAULT)
+    assert shared(two[two["category"] == "c0"]) == {"train": 4}
+
+
+def test_a_category_that_keeps_one_object_for_itself_keeps_it_in_train():
+    """`b` and `c` stand among the first category's, where they went to train."""
+    splits = split_models(objects("bbbbccccdefg", "aaabc"), SplitSettings(test_share=0.1))
+    of = splits.groupby("copy_of")["split"].first()
+    assert of["0-0"] == of["0-4"] == "train"
+    assert of["1-0"] == "train"
 
 
 def test_copies_of_a_mesh_under_other_ids_stay_in_one_split():
@@ -259,6 +305,19 @@ def test_train_models_have_warped_copies_and_no_others_do(collected):
     assert set(warped["model_id"]) == set(plain.loc[plain["split"] == "train", "model_id"])
     assert warped["warp"].is_unique and warped["mask"].is_unique
     assert not set(warped["mask"]) & set(plain["mask"])
+
+
+def test_angles_and_warps_are_drawn_evenly_and_stay_what_they_are():
+    """The numbers are those that were drawn on the first day: an id means the same sample."""
+    views = [*views_of_model("mug-1", "train", SplitSettings(rotations=1, warps=1000))][1:]
+    first = views[0]
+    assert (first.sample_id, first.warp) == ("mug-1-w0", 858841128)
+    assert first.rotation == pytest.approx(253.255192, abs=1e-6)
+    rotations = np.array([view.rotation for view in views])
+    assert rotations.min() < 2 and 358 < rotations.max() < 360
+    assert np.quantile(rotations, [0.25, 0.5, 0.75]) == pytest.approx([90, 180, 270], abs=15)
+    warps = np.array([view.warp for view in views])
+    assert warps.min() < 2**32 / 100 and 2**32 * 0.99 < warps.max() < 2**32
 
 
 def test_samples_as_they_are_do_not_depend_on_how_many_are_warped(collected):

@@ -104,6 +104,20 @@ def test_the_u_net_is_asked_again_only_where_more_was_felt(
     assert asked == ([8, 8] if either_reconstructor.free_space else [0, new.sum()])
 
 
+def test_one_pixel_more_of_free_space_is_reason_enough_to_ask_again(
+    shapes, free_space_reconstructor
+):
+    explorations = Explorations(shapes["test"].masks[:1], free_space_reconstructor)
+    ray = candidate_rays(64)[:1, 5]
+    explorations.cast(ray)
+    row, column = np.argwhere(explorations.free[0])[0]
+    explorations.free[0, row, column] = 0
+    explorations.predictions[:] = 0
+    assert explorations.cast(ray).repeated.all()
+    expected = free_space_reconstructor.predict(explorations.felt())
+    np.testing.assert_allclose(explorations.predictions, expected, atol=1e-5)
+
+
 @pytest.mark.parametrize("quarters", range(4))
 @pytest.mark.parametrize("row", [10, 15, 16])
 def test_a_first_touch_at_any_side_is_seen_as_the_u_net_sees_it(reconstructor, row, quarters):
@@ -124,6 +138,7 @@ def test_each_new_touch_of_each_exploration_has_a_number_of_its_own(shapes, reco
     owners, rays, hits, numbers = explorations.try_candidates()
     assert len(owners) == len(rays) == len(hits) == 8 * candidate_rays(64)[..., 0].size
     new = numbers >= 0
+    assert (hits[~new] < 0).any() and (numbers[~new] == -1).all()
     places = list(map(tuple, np.column_stack([owners, hits])[new].tolist()))
     pairs = set(zip(places, numbers[new].tolist(), strict=True))
     assert len(pairs) == len(set(places)) == len(set(numbers[new].tolist()))
