@@ -5,9 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from benchmarks.timing import Curve
 from tactile_core.figures.style import FAINT, INK, MUTED, PINK, RAY, plot
+
+LINES = {True: "o-", False: "s--"}  # of the first resolution, of another
 
 
 def cost_figure(curves: Sequence[Curve]) -> Figure:
@@ -67,14 +70,29 @@ def round_numbers() -> list[float]:
 
 def size_figure(sizes: pd.DataFrame) -> Figure:
     """Peak memory and time of each stage against the number of models, on log–log axes."""
-    figure = Figure(figsize=(9, 4.2), layout="constrained")
+    figure = Figure(figsize=(9, 4.6), layout="constrained")
     panels = {"peak_mb": ("Peak memory", "MB"), "processor_seconds": ("Time", "processor seconds")}
+    stages, resolutions = sizes["stage"].unique(), sizes["resolution"].unique()
+    models = sorted(sizes["models"].unique())
     for axes, (column, (title, unit)) in zip(figure.subplots(1, 2), panels.items(), strict=True):
         plot(axes, title, "models", unit, "")
         for (resolution, stage), rows in sizes.groupby(["resolution", "stage"], sort=False):
             rows = rows.sort_values("models")
-            style = "o-" if resolution == sizes["resolution"].min() else "s--"
-            axes.loglog(rows["models"], rows[column], style, ms=4, lw=1.4,
-                        label=f"{stage}, {resolution}×{resolution}")  # fmt: skip
-    axes.legend(frameon=False, fontsize=7.5, labelcolor=INK)
+            axes.loglog(
+                rows["models"], rows[column], LINES[resolution == resolutions[0]], ms=4, lw=1.4,
+                color=f"C{list(stages).index(stage)}",
+            )  # fmt: skip
+        low, high = sizes[column].min(), sizes[column].max()
+        ticks = [value for value in round_numbers() if low / 1.2 <= value <= high * 1.2]
+        axes.set_yticks(ticks, [short(value) for value in ticks])
+        axes.set_xticks(models, [short(count) for count in models], rotation=45)
+        axes.minorticks_off()
+    keys = [
+        *(Line2D([], [], color=f"C{number}", label=stage) for number, stage in enumerate(stages)),
+        *(
+            Line2D([], [], color=INK, ls=LINES[size == resolutions[0]][1:], label=f"{size}×{size}")
+            for size in resolutions
+        ),
+    ]
+    figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, labelcolor=INK)
     return figure

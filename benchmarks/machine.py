@@ -35,6 +35,6 @@ def describe_machine(seconds: float) -> dict[str, Any]:
         **{name: version(name) for name in LIBRARIES},
         "commit": commit(REPOSITORY),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "command": " ".join(["python -m benchmarks.bench", *sys.argv[1:]]),
+        "command": " ".join([f"python -m benchmarks.{Path(sys.argv[0]).stem}", *sys.argv[1:]]),
         "seconds": round(seconds),
     }
