@@ -59,6 +59,8 @@ THE_SAME = [
     (r"touches\[:, -?[01]\] (>= [01]|> 0)", "hit"),
     (r"\((rows|places) (>= [01]|> 0)\)", r"(\1 inside)"),
     (r"reshape\(\(?- ?\d", "reshape(-1"),
+    (r"return (0|-1), (0|-1)", "none"),
+    (r"most_common\( ?[12]\)\[ ?(0|-1)\]", "the most common"),
     (r"(strict|frozen|optimize)=(True|False)", ""),
     (r"if (not )?TYPE_CHECKING", ""),
     (r"theta [+-] np\.pi", "the other way"),

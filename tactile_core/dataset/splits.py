@@ -210,6 +210,5 @@ def _counts(models: int, settings: SplitSettings) -> tuple[int, int]:
         max(1, math.floor(models * share + 0.5))
         for share in (settings.test_share, settings.eval_share)
     )
-    while tests + evals >= models:
-        tests, evals = (tests - 1, evals) if tests > evals else (tests, evals - 1)
-    return tests, evals
+    # Shares are below a half: where nothing is left, each is half of an even number.
+    return tests, evals - int(tests + evals >= models)

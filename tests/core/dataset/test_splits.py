@@ -173,7 +173,7 @@ def test_too_few_models_or_one_twice_are_refused():
     with pytest.raises(TactileError, match=r"2 models have a mask.*need one each"):
         split_models(models([2]), DEFAULT)
     with pytest.raises(TactileError, match=r"model 0-0 stands in masks twice"):
-        split_models(pd.concat([models([5]), models([1])]), DEFAULT)
+        split_models(pd.concat([models([5]), models([2])]), DEFAULT)
 
 
 @pytest.fixture(scope="module")
@@ -294,6 +294,7 @@ def test_a_rotation_that_shows_no_pixel_is_left_out(collected, tmp_path):
     samples = rotated((UPath("/"), meshes, masks), progress=messages.append)
     assert len(samples) == 40
     assert "5 samples left out: no pixel lies inside" in messages[-1]
+    assert messages[-1].endswith(f"(first: {masks['model_id'].iloc[-1]}-r0)")
 
 
 def test_train_models_have_warped_copies_and_no_others_do(collected):
