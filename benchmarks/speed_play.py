@@ -4,7 +4,6 @@ From the release of the mouse until the page says what the ray met, which it doe
 new reconstruction; alone, and against each of two opponents that compute meanwhile.
 """
 
-import math
 import subprocess
 import sys
 
@@ -12,7 +11,7 @@ import pandas as pd
 from playwright.sync_api import Page
 
 from benchmarks.machine import describe_machine
-from tests.browser import browser_page
+from tests.browser import browser_page, drag
 
 GAMES = 5
 RAYS = 10
@@ -68,22 +67,6 @@ def milliseconds(page: Page, address: str, opponent: str) -> list[tuple[str, flo
         page.get_by_role("button", name="New game").click()
         page.wait_for_function("!document.querySelector('.you .ray')")
     return [(opponent, answer) for answer in page.evaluate("window.answers")[RAYS:]]
-
-
-def drag(page: Page, angle: float) -> None:
-    """A ray across the middle of the image, from the circle's point at `angle`."""
-    box = page.locator(".you .surface").bounding_box()
-    assert box is not None
-    for turn in (0, math.pi):
-        right, down = 0.46 * math.sin(angle + turn), 0.46 * math.cos(angle + turn)
-        page.mouse.move(
-            box["x"] + box["width"] * (0.5 + right),
-            box["y"] + box["height"] * (0.5 + down),
-            steps=3,
-        )
-        if not turn:
-            page.mouse.down()
-    page.mouse.up()
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 Where there is none the tests are skipped; under `.ci/run`, which sets CI, they fail.
 """
 
+import math
 import os
 import shutil
 from collections.abc import Iterator
@@ -32,3 +33,18 @@ def browser_page() -> Iterator[Page]:
         expect.set_options(timeout=PATIENCE)
         yield page
         browser.close()
+
+
+def drag(page: Page, angle: float, aside: float = 0.0) -> None:
+    """In the game, a ray from the circle at `angle` to the other side, `aside` radians off it."""
+    box = page.locator(".you .surface").bounding_box()
+    assert box is not None
+
+    def at(angle: float) -> tuple[float, float]:
+        right, down = 0.46 * math.sin(angle), 0.46 * math.cos(angle)
+        return box["x"] + box["width"] * (0.5 + right), box["y"] + box["height"] * (0.5 + down)
+
+    page.mouse.move(*at(angle))
+    page.mouse.down()
+    page.mouse.move(*at(angle + math.pi + aside), steps=3)
+    page.mouse.up()

@@ -1,6 +1,5 @@
 """The game as people meet it, in a real browser."""
 
-import math
 import re
 import urllib.error
 import urllib.request
@@ -8,20 +7,7 @@ import urllib.request
 import pytest
 from playwright.sync_api import Page, expect
 
-
-def drag(page: Page, angle: float, aside: float = 0.0) -> None:
-    """A ray from the circle at `angle` to the other side, `aside` radians off the middle."""
-    box = page.locator(".you .surface").bounding_box()
-    assert box is not None
-
-    def at(angle: float) -> tuple[float, float]:
-        right, down = 0.46 * math.sin(angle), 0.46 * math.cos(angle)
-        return box["x"] + box["width"] * (0.5 + right), box["y"] + box["height"] * (0.5 + down)
-
-    page.mouse.move(*at(angle))
-    page.mouse.down()
-    page.mouse.move(*at(angle + math.pi + aside), steps=3)
-    page.mouse.up()
+from tests.browser import drag
 
 
 def play(page: Page, rays: int) -> None:
