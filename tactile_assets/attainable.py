@@ -14,8 +14,9 @@ from tactile_assets import columns
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
 from tactile_assets.evaluation import CODE, READING, PerStepConfig, curve
-from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.io_managers import UNetsBySeed
 from tactile_assets.metadata import counts, seconds_since, stored, wing
+from tactile_assets.reconstruction import UNETS
 from tactile_assets.resources import Store
 from tactile_core.settings import MeshSettings, ObserverSettings
 
@@ -62,6 +63,7 @@ def believed_shapes(
 @dg.asset(
     kinds={"pytorch", "openvino", "parquet"},
     code_version=code_version(*CODE, "evaluation.attainable", PROFILE.observer),
+    ins=UNETS,
     **wing("evaluation"),
 )
 def attainable_rollouts(
@@ -71,26 +73,28 @@ def attainable_rollouts(
     believed_shapes: pd.DataFrame,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
     policies: list[UPath],
 ) -> dg.MaterializeResult:
     """Ten rays of each ideal observer on test samples of different models.
 
     It weighs the believed shapes by what was felt, and casts the ray after which, over shapes drawn
     from them, the Jaccard index is highest; a second observer looks at the ray after that as well,
-    with the rays that `gain` proposes.
+    with the rays that `gain` proposes. Of several U-Nets they go with the first.
     """
     from tactile_core.dataset.rendering.pictures import decode_masks
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.evaluation.attainable import cast_observers
+    from tactile_core.evaluation.of_each_unet import policies_of_each
     from tactile_core.exploration.policies.scorer import ScorerPolicy
-    from tactile_core.exploration.policies.store import load_policies
 
-    trained = load_policies(policies, unet.version(), unet.resolution)
+    seed, unet = next(iter(unets.items()))
+    trained = policies_of_each(policies, unets)[seed]
     scorers = [policy.net for policy in trained if isinstance(policy, ScorerPolicy)]
     began = time.perf_counter()
     table = cast_observers(
         load_shapes(rotated_splits, outlines, "test"),
+        seed,
         unet,
         decode_masks(believed_shapes["mask"]),
         scorers[0] if scorers else None,

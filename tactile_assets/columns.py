@@ -91,6 +91,7 @@ RECONSTRUCTION = {
     **JACCARD,
     "samples": "Number of touch sets that this is the mean of.",
     **KEY,
+    "seed": "That of the U-Net.",
 }
 ROLLOUTS = {
     **POLICY,

@@ -12,9 +12,10 @@ from tactile_assets import columns
 from tactile_assets.automation import FRESHNESS, after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.io_managers import UNetsBySeed
 from tactile_assets.metadata import numbers, seconds_since, shown, stored, wing
 from tactile_assets.provenance import made_with
+from tactile_assets.reconstruction import UNETS, seen_by
 from tactile_assets.resources import Store
 from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.settings import CHOICES, EvaluationSettings, RolloutSettings
@@ -62,6 +63,7 @@ PER_GRASP = code_version("evaluation.readings", PROFILE.per_grasp)
     kinds={"pytorch", "openvino", "parquet"},
     code_version=code_version(*CODE, PROFILE.rollouts),
     automation_condition=after(*TRAINED),
+    ins=UNETS,
     **wing("evaluation"),
 )
 def rollouts(
@@ -70,7 +72,7 @@ def rollouts(
     store: Store,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
     policies: list[UPath],
 ) -> dg.MaterializeResult:
     """Every ray of every policy on every test sample: until ten are cast and ten touches held.
@@ -80,11 +82,12 @@ def rollouts(
     knows the mask and takes, of 396 rays, the one that gains most. `recall` tries the best rays of
     `gain` on train shapes that agree with what was felt. Both evaluations read this table. What a
     policy cast before is kept as long as it, the U-Net, the shapes and the settings are the same.
+    Where there are several U-Nets, policies go with that of their own seed, and rules with each.
     """
     from tactile_core.dataset.shapes import load_shapes
 
     test = load_shapes(rotated_splits, outlines, "test")
-    return cast_all(test, unet, policies, config, store, context.log.info)
+    return cast_all(test, unets, policies, config, store, context.log.info)
 
 
 @dg.asset(code_version=PER_STEP, automation_condition=after("rollouts"), **READING)
@@ -114,7 +117,7 @@ def per_grasp_evaluation(
 
 def cast_all(
     test: "Shapes",
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
     policies: list[UPath],
     config: RolloutConfig,
     store: Store,
@@ -123,21 +126,23 @@ def cast_all(
 ) -> dg.MaterializeResult:
     """The rollouts on any shapes, as the asset `rollouts` with `prefix` before its name and before
     the names of its pictures."""
-    from tactile_core.evaluation.rollouts import cast_rollouts
+    from tactile_core.evaluation.of_each_unet import cast_with_each, policies_of_each
     from tactile_core.evaluation.unseen import refuse_known
-    from tactile_core.exploration.policies.store import load_policies
+    from tactile_core.exploration.policies.store import trained_on
     from tactile_core.figures.animation import rollout_gif
     from tactile_core.figures.rollouts import runs_figure, steps_figure
     from tactile_core.figures.style import png
 
-    refuse_known(test, seen_by(unet, policies), by_name=not prefix, remedy=REMEDY[bool(prefix)])
-    trained = load_policies(policies, unet.version(), unet.resolution)
+    seen = seen_by(unets) | trained_on(policies)
+    refuse_known(test, seen, by_name=not prefix, remedy=REMEDY[bool(prefix)])
+    trained = policies_of_each(policies, unets)
     previous = store.previous(f"{prefix}rollouts")
     began = time.perf_counter()
-    table = cast_rollouts(
-        trained, test, unet, config, previous, progress, work=store.work(f"{prefix}rollouts")
+    table = cast_with_each(
+        trained, test, unets, config, previous, progress, store.work(f"{prefix}rollouts")
     )
-    runs = example_runs(table, [(one.name, one.seed) for one in trained], test, unet, config)
+    names = [(one.name, one.seed) for some in trained.values() for one in some]
+    runs = example_runs(table, names, test, unets, config)
     return stored(
         table,
         columns.ROLLOUTS,
@@ -173,13 +178,6 @@ def per_grasp(
     return stored(table, columns.PER_GRASP, **curve(table, "grasp", config, store, prefix))
 
 
-def seen_by(unet: TrainedUNet, policies: list[UPath]) -> dict[str, pd.DataFrame]:
-    """The models that the U-Net and each policy were trained on."""
-    from tactile_core.exploration.policies.store import trained_on
-
-    return {"the U-Net": unet.trained_on, **trained_on(policies)}
-
-
 def curve(
     table: pd.DataFrame, index: str, settings: EvaluationSettings, store: Store, prefix: str
 ) -> dict[str, Any]:
@@ -211,7 +209,7 @@ def example_runs(
     table: pd.DataFrame,
     trained: list[tuple[str, int]],
     test: "Shapes",
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
     settings: RolloutSettings,
 ) -> "list[Rollout]":
     """For each category two rollouts on one shape: by `random`, if it is among the references, and
@@ -222,6 +220,7 @@ def example_runs(
     """
     from tactile_core.evaluation.replay import replayed
     from tactile_core.reconstruction.inference import Reconstructor
+    from tactile_core.reconstruction.unets import seed_of
 
     shown = table[
         (table["ray"] <= settings.count) & table["choice"].isin(["rule", settings.choices[-1]])
@@ -229,14 +228,15 @@ def example_runs(
     last = shown[shown["ray"] == settings.count]
     means = last.groupby(level=["policy", "seed"])["jaccard"].mean()
     best = means.loc[trained or means.index].idxmax()
-    reconstructor = Reconstructor(unet)
+    seed = seed_of(unets, best[1])
+    reconstructor = Reconstructor(unets[seed])
     runs = []
     for _, rows in last.loc[[best]].groupby("category", sort=True):
         median = rows.sort_values("jaccard", kind="stable")["sample_id"].iloc[len(rows) // 2]
         index = list(test.sample_ids).index(median)
         on_it = shown[shown["sample_id"] == median].reset_index()
-        for name, seed in [("random", 0), best]:
-            rays = on_it[(on_it["policy"] == name) & (on_it["seed"] == seed)]
+        for name, of in [("random", seed), best]:
+            rays = on_it[(on_it["policy"] == name) & (on_it["seed"] == of)]
             if len(rays):
                 runs.append(replayed(rays, test, index, reconstructor))
     return runs

@@ -8,8 +8,9 @@ import pandas as pd
 
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.io_managers import UNetsBySeed
 from tactile_assets.metadata import OWNERS, SECTION, curves_at, numbers, shown
+from tactile_assets.reconstruction import UNETS
 from tactile_assets.resources import Store
 from tactile_assets.trainings import POOL, PlannedTraining
 from tactile_core.errors import TactileError
@@ -35,20 +36,22 @@ def plan_trainings(
     config: PolicyConfig,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
 ) -> Iterator[dg.DynamicOutput[PlannedTraining]]:
     """Which policies to train. What would stop every training stops here, once: an approach that is
-    not known, an input that is missing, a U-Net of another resolution."""
+    not known, an input that is missing, a U-Net of another resolution or of no such seed."""
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.learning.approaches import APPROACHES, find_approach
+    from tactile_core.reconstruction.unets import unet_of
 
     shapes = load_shapes(rotated_splits, outlines, "train")
-    if shapes.resolution != unet.resolution:
-        raise TactileError(
-            f"rotated_splits have resolution {shapes.resolution}, and the U-Net was trained at "
-            f"{unet.resolution}: materialise unet again"
-        )
     settings = PolicySettings(**config.model_dump())
+    for seed in settings.seeds:
+        if shapes.resolution != (trained_at := unet_of(unets, seed).resolution):
+            raise TactileError(
+                f"rotated_splits have resolution {shapes.resolution}, and the U-Net was trained at "
+                f"{trained_at}: materialise unet again"
+            )
     recipes = [find_approach(approach) for approach in settings.approaches or APPROACHES]
     # The longest first: begun last, one would be left to train alone on one core.
     recipes.sort(key=lambda recipe: (recipe.learner == "ppo", -len(recipe.stages)))
@@ -70,12 +73,13 @@ def train_policy(
     training: PlannedTraining,
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
 ) -> PlannedTraining:
     """Train one policy and store it; goes on from its checkpoint where it was interrupted."""
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.learning import train as core
     from tactile_core.exploration.learning.approaches import find_approach
+    from tactile_core.reconstruction.unets import unet_of
     from tactile_core.spread import TRAINING, handed_over
 
     try:
@@ -84,7 +88,7 @@ def train_policy(
             find_approach(training.approach),
             training.seed,
             load_shapes(rotated_splits, outlines, "train"),
-            unet,
+            unet_of(unets, training.seed),
             training.settings,
             directory=store.path("policies", training.name),
             work=store.far_work("policies", training.name),
@@ -144,9 +148,10 @@ def policy_config(fields: dict[str, Any]) -> dict[str, Any]:
         "exploration.learning.train", "exploration.learning.approaches", PROFILE.policies
     ),
     config=policy_config,
+    ins=UNETS,
 )
 def policies(
-    rotated_splits: pd.DataFrame, outlines: pd.DataFrame, unet: TrainedUNet
+    rotated_splits: pd.DataFrame, outlines: pd.DataFrame, unets: UNetsBySeed
 ) -> dict[str, str]:
     """Policies trained to choose the next ray from what was felt so far.
 
@@ -155,12 +160,13 @@ def policies(
     `total_miss` and `pre_diff_miss` begin without penalty. `gain` learns what each of many
     candidate rays adds; with it are stored the train shapes, which `recall` tries its rays on.
     `sequence` are the ten rays that are best on average, the same for every shape.
-    Where the U-Net knows shapes, policies are trained on every second model, which it forgets.
+    Those of a seed are trained with the U-Net of that seed, where there is more than one. Where
+    the U-Net knows shapes, policies are trained on every second model, which it forgets.
     Each training is a step of its own, retried and resumed on its own.
     """
-    trained = plan_trainings(rotated_splits, outlines, unet).map(
+    trained = plan_trainings(rotated_splits, outlines, unets).map(
         lambda training: train_policy(
-            training, rotated_splits=rotated_splits, outlines=outlines, unet=unet
+            training, rotated_splits=rotated_splits, outlines=outlines, unets=unets
         )
     )
     return gather_policies(trained.collect())

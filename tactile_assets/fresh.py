@@ -51,18 +51,18 @@ def configured(instance: dg.DagsterInstance, asset: str) -> bool:
 
 def whole(store: Store, asset: str) -> bool:
     """Whether what an asset stored is there, and every byte of it as it was written."""
+    from tactile_core.evaluation.of_each_unet import policies_of_each
     from tactile_core.exploration.policies.index import read_index
-    from tactile_core.exploration.policies.store import load_policies
     from tactile_core.files import read_table
-    from tactile_core.reconstruction.trained import load_unet
+    from tactile_core.reconstruction.unets import load_unets
 
     try:
         if asset not in IN_FOLDERS:
             read_table(store.path(f"{asset}.parquet"))
             return True
-        unet = load_unet(store.path("unet"))
+        unets = load_unets(store.path("unet"))
         if asset == "policies":
-            load_policies(read_index(store.path("policies")), unet.version(), unet.resolution)
+            policies_of_each(read_index(store.path("policies")), unets)
     except TactileError:
         return False
     return True

@@ -16,8 +16,9 @@ from tactile_core.files import read_table, write_table, written_whole
 
 if TYPE_CHECKING:
     from tactile_core.reconstruction.trained import TrainedUNet
-else:
-    TrainedUNet = Any  # Dagster resolves annotations when it loads, and torch takes seconds
+    from tactile_core.reconstruction.unets import UNets as UNetsBySeed
+else:  # Dagster resolves annotations when it loads, and torch takes seconds
+    TrainedUNet, UNetsBySeed = Any, dict[int, Any]
 
 
 @contextmanager
@@ -59,18 +60,19 @@ class Tables(dg.UPathIOManager):
 
 
 class UNets(dg.UPathIOManager):
-    """A trained U-Net as a directory of safetensors weights, learning curve and settings."""
+    """Trained U-Nets by seed, each as a directory of safetensors weights, learning curve and
+    settings."""
 
-    def dump_to_path(self, context: dg.OutputContext, obj: TrainedUNet, path: UPath) -> None:
-        from tactile_core.reconstruction.trained import save_unet
+    def dump_to_path(self, context: dg.OutputContext, obj: UNetsBySeed, path: UPath) -> None:
+        from tactile_core.reconstruction.unets import save_unets
 
-        save_unet(obj, path)
+        save_unets(obj, path)
 
-    def load_from_path(self, context: dg.InputContext, path: UPath) -> TrainedUNet:
-        from tactile_core.reconstruction.trained import load_unet
+    def load_from_path(self, context: dg.InputContext, path: UPath) -> UNetsBySeed:
+        from tactile_core.reconstruction.unets import load_unets
 
         with or_say_how(context, path):
-            return load_unet(path)
+            return load_unets(path)
 
 
 class PolicyIndex(dg.UPathIOManager):

@@ -24,8 +24,9 @@ from tactile_assets.evaluation import (
     per_grasp,
     per_step,
 )
-from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.io_managers import TrainedUNet, UNetsBySeed
 from tactile_assets.metadata import counts, set_aside, stored, wing
+from tactile_assets.reconstruction import UNETS
 from tactile_assets.resources import Store
 from tactile_assets.sources import versions_read, waited_out
 from tactile_core.errors import TactileError
@@ -89,6 +90,7 @@ def real_shapes(
     # Real samples have no asset of their outlines: they are traced here.
     code_version=code_version(*CODE, "dataset.outlines", PROFILE.rollouts),
     automation_condition=after(*TRAINED, "real_shapes"),
+    ins=UNETS,
     **wing("evaluation"),
 )
 def real_rollouts(
@@ -96,7 +98,7 @@ def real_rollouts(
     config: RolloutConfig,
     store: Store,
     real_shapes: pd.DataFrame,
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
     policies: list[UPath],
 ) -> dg.MaterializeResult:
     """Every ray of every policy on every real sample, as `rollouts` has them of the test split.
@@ -104,8 +106,10 @@ def real_rollouts(
     The policies, the U-Net and the table are those of `rollouts`; only the shapes are others, so
     the two side by side tell how well the training generalises.
     """
-    test = shapes_for(unet, real_shapes)
-    return cast_all(test, unet, policies, config, store, context.log.info, PREFIX)
+    from tactile_core.reconstruction.unets import first_of
+
+    test = shapes_for(first_of(unets), real_shapes)
+    return cast_all(test, unets, policies, config, store, context.log.info, PREFIX)
 
 
 @dg.asset(code_version=PER_STEP, automation_condition=AFTER, **READING)

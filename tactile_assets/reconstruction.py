@@ -6,12 +6,13 @@ from pathlib import Path
 
 import dagster as dg
 import pandas as pd
+from upath import UPath
 
 from tactile_assets import columns
 from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.io_managers import TrainedUNet, UNetsBySeed
 from tactile_assets.metadata import (
     curves_at,
     number,
@@ -24,8 +25,16 @@ from tactile_assets.metadata import (
 )
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table
+from tactile_core.files import read_table, remove_folder
 from tactile_core.settings import PracticeSettings, SearchSettings, UNetSettings
+
+UNETS = {"unets": dg.AssetIn("unet")}  # for whoever goes with each of them
+OF_EACH_SEED = {
+    "seed": columns.RECONSTRUCTION["seed"],
+    "epoch": "That of the lowest eval loss, whose weights are kept.",
+    "eval_loss": columns.RECONSTRUCTION["loss"],
+    "eval_jaccard": columns.RECONSTRUCTION["jaccard"],
+}
 
 
 @defaults(PROFILE.search)
@@ -175,53 +184,66 @@ def unet(
     from the outlines; or those for one half, and for the other what rays feel. With `free_space` it
     also sees where rays have passed; with `known_shapes` the mean of the train shapes that agree
     with what was felt; and where there are `practice_rays`, a third of what it learns from is
-    theirs. A training that was killed goes on after its last epoch.
+    theirs. With `further_seeds` one more is trained for each, so that tables hold for more than one
+    training of it. A training that was killed goes on after its last epoch.
     """
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.practice.ray_touches import practised, touch_source
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.hyperparameters import with_best_trial
+    from tactile_core.reconstruction.trained import save_unet
     from tactile_core.reconstruction.training import train_unet
+    from tactile_core.reconstruction.unets import first_of, places_of, settings_of_each, version_of
     from tactile_core.spread import LARGE_TRAINING, handed_over
 
     began = time.perf_counter()
-    work = store.far_work("unet")
     train = load_shapes(rotated_splits, outlines, "train")
     eval_shapes = load_shapes(rotated_splits, outlines, "eval")
-    settings = with_best_trial(config, unet_search)
+    chosen = UNetSettings(**with_best_trial(config, unet_search).model_dump())
     practice = None
     if PROFILE.practice:
         practice = practised(read_table(store.path("practice_rays.parquet")), train)
-    touches = touch_source(
-        settings.touches, train, tactile_samples,
-        seed=settings.seed, free_space=settings.free_space, practice=practice,
-    )  # fmt: skip
-    trained = handed_over(
-        train_unet,
-        train,
-        eval_shapes,
-        UNetSettings(**settings.model_dump()),
-        work=work,
-        needs=LARGE_TRAINING,
-        touches=touches,
-        previous=previous_unet(store),
-        progress=context.log.info,
-    )
-    return dg.MaterializeResult(
-        value=trained,
-        data_version=dg.DataVersion(trained.version()),
-        metadata={
-            "learning_curve": store.picture(
-                "learning_curve.png", png(learning_curve(trained.curve))
+    each = {settings.seed: settings for settings in settings_of_each(chosen)}
+    places = places_of(each, store.path("unet"))
+    work = places_of(each, UPath(store.far_work("unet")))
+    trained_by_now = {seed: folder / "trained" for seed, folder in work.items()}
+    unets: UNetsBySeed = {}
+    for seed, settings in each.items():
+        if len(each) > 1:
+            context.log.info(f"U-Net: seed {seed}, {len(unets) + 1} of {len(each)}")
+        unets[seed] = handed_over(
+            train_unet,
+            train,
+            eval_shapes,
+            settings,
+            work=work[seed],
+            needs=LARGE_TRAINING,
+            touches=touch_source(
+                settings.touches, train, tactile_samples,
+                seed=seed, free_space=settings.free_space, practice=practice,
             ),
-            "eval_jaccard": number(trained.scores["eval_jaccard"]),
-            "eval_loss": number(trained.scores["eval_loss"]),
-            "best_epoch": int(trained.scores["epoch"]),
-            "parameters": sum(weights.numel() for weights in trained.weights.values()),
+            previous=previous_unet(trained_by_now[seed]) or previous_unet(places[seed]),
+            progress=context.log.info,
+        )  # fmt: skip
+        save_unet(unets[seed], trained_by_now[seed])  # lest a run that is killed later begins anew
+    for folder in trained_by_now.values():
+        remove_folder(folder)
+    scores = pd.DataFrame({seed: unet.scores for seed, unet in unets.items()}).T
+    one = first_of(unets)
+    return dg.MaterializeResult(
+        value=unets,
+        data_version=dg.DataVersion(version_of(unets)),
+        metadata={
+            "learning_curve": store.picture("learning_curve.png", png(learning_curve(one.curve))),
+            "eval_jaccard": number(scores["eval_jaccard"].mean()),
+            "eval_loss": number(scores["eval_loss"].mean()),
+            "best_epoch": int(one.scores["epoch"]),
+            "parameters": sum(weights.numel() for weights in one.weights.values()),
+            "of_each_seed": shown(scores.rename_axis("seed").reset_index(), OF_EACH_SEED),
             "seconds": seconds_since(began),
-            "settings": dg.MetadataValue.json(trained.settings),
-            **curves_at(work / "tensorboard"),
+            "settings": dg.MetadataValue.json(one.settings),
+            **curves_at(store.far_work("unet") / "tensorboard"),
         },
     )
 
@@ -230,6 +252,7 @@ def unet(
     kinds={"pytorch", "parquet"},
     code_version=code_version("reconstruction.scores", "evaluation.unseen"),
     automation_condition=after("unet"),
+    ins=UNETS,
     **wing("reconstruction"),
 )
 def reconstruction_evaluation(
@@ -238,12 +261,13 @@ def reconstruction_evaluation(
     rotated_splits: pd.DataFrame,
     outlines: pd.DataFrame,
     tactile_samples: pd.DataFrame,
-    unet: TrainedUNet,
+    unets: UNetsBySeed,
 ) -> dg.MaterializeResult:
     """How well the U-Net reconstructs: Table II, and the Jaccard index for 0 to 10 touches.
 
     Loss and Jaccard index on train, eval and test. Rows without a number of touches are over
-    the stored touch sets, as in Table II.
+    the stored touch sets, as in Table II. Of several U-Nets each has its rows, and pictures and
+    numbers are of their mean.
     """
     from tactile_core.dataset.shapes import SPLITS, load_shapes
     from tactile_core.evaluation.tables import reconstruction_rows
@@ -251,26 +275,35 @@ def reconstruction_evaluation(
     from tactile_core.figures.curves import touches_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.scores import evaluate_reconstruction
+    from tactile_core.reconstruction.unets import first_of
 
     shapes = {split: load_shapes(rotated_splits, outlines, split) for split in SPLITS}
     refuse_known(
-        shapes["test"], {"the U-Net": unet.trained_on}, by_name=True,
+        shapes["test"], seen_by(unets), by_name=True,
         remedy="the splits have been dealt anew since, materialise unet again",
     )  # fmt: skip
     began = time.perf_counter()
     previous = store.previous("reconstruction_evaluation")
-    table = evaluate_reconstruction(
-        unet, shapes, tactile_samples, previous=previous, progress=context.log.info
+    table = pd.concat(
+        [
+            evaluate_reconstruction(
+                unet, shapes, tactile_samples, previous=previous, progress=context.log.info
+            ).assign(seed=seed)
+            for seed, unet in unets.items()
+        ],
+        ignore_index=True,
     )
     seconds = time.perf_counter() - began
-    mix = table[table["touches"].isna()].set_index("split")
+    mixed = table[table["touches"].isna()]
+    mix = mixed.groupby("split", sort=False)[["loss", "jaccard"]].mean()
     made = renewed(table, previous)
     rate = {} if made["kept"] else {"samples_a_second": number(table["samples"].sum() / seconds)}
     return stored(
         table,
         columns.RECONSTRUCTION,
         good_median_and_bad_reconstructions=store.picture(
-            "reconstructions.png", examples(unet, rotated_splits, outlines, tactile_samples)
+            "reconstructions.png",
+            examples(first_of(unets), rotated_splits, outlines, tactile_samples),
         ),
         table_ii=shown(reconstruction_rows(table)),
         jaccard_by_number_of_touches=store.picture("reconstruction.png", png(touches_curve(table))),
@@ -282,13 +315,18 @@ def reconstruction_evaluation(
     )
 
 
-def previous_unet(store: Store) -> TrainedUNet | None:
+def previous_unet(place: UPath) -> TrainedUNet | None:
     """The U-Net of an earlier run, if there is one and it can be read."""
     from tactile_core.reconstruction.trained import load_unet
 
     with contextlib.suppress(TactileError):
-        return load_unet(store.path("unet"))
+        return load_unet(place)
     return None
+
+
+def seen_by(unets: UNetsBySeed) -> dict[str, pd.DataFrame]:
+    """The models that each U-Net was trained on."""
+    return {f"the U-Net of seed {seed}": unet.trained_on for seed, unet in unets.items()}
 
 
 def examples(

@@ -101,12 +101,15 @@ PROFILES = {
         rollouts=RolloutSettings(choices=["drawn"]),
         per_step=EvaluationSettings(),
     ),
-    # The laptop's data and nets, with all that was found to help, and three seeds of each policy.
+    # The laptop's data and nets, with all that was found to help, and three seeds of U-Net and
+    # policies.
     "study": Profile(
         name="study",
         search=LAPTOP_SEARCH,
         practice=PracticeSettings(epochs=30, patience=20, free_space=True),
-        unet=UNetSettings(epochs=60, patience=20, free_space=True, known_shapes=True),
+        unet=UNetSettings(
+            epochs=60, patience=20, free_space=True, known_shapes=True, further_seeds=[1, 2]
+        ),
         policies=PolicySettings(seeds=[0, 1, 2]),
         rollouts=RolloutSettings(choices=["drawn"]),
         observer=ObserverSettings(),

@@ -246,6 +246,16 @@ class UNetSettings(NetSettings):
         description="Show the U-Net the mean of the train shapes that agree with what was felt, "
         "too.",
     )
+    further_seeds: list[Seed] = Field(
+        [],
+        description="One more U-Net for each. Policies of a seed then go with the U-Net of that "
+        "seed, and rules with each; with none, all go with the one.",
+    )
+
+    @model_validator(mode="after")
+    def _each_seed_once(self) -> Self:
+        once_each("seed and further_seeds", [self.seed, *self.further_seeds])
+        return self
 
 
 class GainSettings(Settings):

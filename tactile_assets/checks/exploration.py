@@ -4,16 +4,22 @@ import dagster as dg
 from upath import UPath
 
 from tactile_assets.checks.telling import first
-from tactile_assets.io_managers import TrainedUNet
+from tactile_assets.io_managers import UNetsBySeed
 
 
-@dg.asset_check(asset="policies", additional_ins={"unet": dg.AssetIn("unet")})
-def policies_are_sound(policies: list[UPath], unet: TrainedUNet) -> dg.AssetCheckResult:
-    """Every policy was trained with this U-Net, and no weight is infinite or no number."""
+@dg.asset_check(asset="policies", additional_ins={"unets": dg.AssetIn("unet")})
+def policies_are_sound(policies: list[UPath], unets: UNetsBySeed) -> dg.AssetCheckResult:
+    """Every policy was trained with the U-Net that it goes with, and no weight is infinite or no
+    number."""
     from tactile_core.exploration.policies.store import describe, read_weights
+    from tactile_core.reconstruction.unets import unet_of
 
     stored = {directory.name: describe(directory) for directory in policies}
-    of_another = [name for name, policy in stored.items() if policy.unet != unet.version()]
+    of_another = [
+        name
+        for name, policy in stored.items()
+        if policy.unet != unet_of(unets, policy.seed).version()
+    ]
     broken = [
         directory.name
         for directory in policies

@@ -38,7 +38,7 @@ def evaluate(own: str, actions: Any, channels: tuple[Any, ...]) -> None:
 
     name, choice = loaded(own)
     run = stored_run(UPath(find_artifacts()))
-    policy = own_policy(name, choice, Interface(actions, channels), run.unet.resolution)
+    policy = own_policy(name, choice, Interface(actions, channels), run.test.resolution)
     steps, grasps = results_beside(
         policy, run, active_profile(), lambda said: click.echo(said, err=True)
     )

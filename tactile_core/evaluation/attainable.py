@@ -11,8 +11,10 @@ from tactile_core.errors import TactileError
 from tactile_core.evaluation.readings import per_step_reading
 from tactile_core.evaluation.rollouts import cast_rollouts
 from tactile_core.exploration.policies.observer import IdealObserver
+from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.exploration.policies.scorer import RayScorer
 from tactile_core.exploration.world.rays import RAYS
+from tactile_core.files import remove_folder
 from tactile_core.reconstruction.known_shapes import KnownShapes
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.settings import EvaluationSettings, ObserverSettings, RolloutSettings
@@ -20,6 +22,7 @@ from tactile_core.settings import EvaluationSettings, ObserverSettings, RolloutS
 
 def cast_observers(
     test: Shapes,
+    seed: int,
     unet: TrainedUNet,
     belief: np.ndarray,
     scorer: RayScorer | None,
@@ -30,15 +33,20 @@ def cast_observers(
 ) -> pd.DataFrame:
     """Ten rays of each ideal observer on one sample of each of `settings.samples` test models.
 
+    seed, unet : the U-Net and its seed, which the column seed names
     belief : (n, R, R) bool, shapes of the distribution that the test shapes are of
     scorer : proposes rays to the observer that looks ahead, which is left out without it
-    previous, work, and the columns of what is returned : as in `cast_rollouts`
+    work : keeps what is cast until all is, so that a run that was killed goes on there
+    previous, and the columns of what is returned : as in `cast_rollouts`
     """
     known = KnownShapes(belief)
     observers = [IdealObserver(known), *([IdealObserver(known, scorer)] if scorer else [])]
     rays = RolloutSettings(references=[], count=RAYS, ray_limit=RAYS, seed=settings.seed)
     some = one_of_each(test, settings.samples)
-    return cast_rollouts(observers, some, unet, rays, previous, progress, work=work)
+    table = cast_rollouts(observers, some, unet, rays, previous, progress, work=work)
+    if work is not None:
+        remove_folder(work)
+    return table.assign(seed=seed)
 
 
 def one_of_each(test: Shapes, count: int) -> Shapes:
@@ -53,6 +61,8 @@ def attainable_reading(
 ) -> pd.DataFrame:
     """Observers and policies on the same samples, as `per_step_reading` has them.
 
+    Where there are several U-Nets, those policies that go with the observers' own.
+
     Raises `TactileError` where the rollouts are on other samples.
     """
     samples = observed["sample_id"].unique()
@@ -61,5 +71,7 @@ def attainable_reading(
             f"attainable_rollouts are on samples that rollouts lack (first: {min(missing)}): "
             "materialise attainable_rollouts again"
         )
+    if rollouts.loc[rollouts["policy"].isin(REFERENCES), "seed"].nunique() > 1:
+        rollouts = rollouts[rollouts["seed"].isin(observed["seed"])]
     same = rollouts["sample_id"].isin(samples) & (rollouts["ray"] <= RAYS)
     return per_step_reading(pd.concat([rollouts[same], observed], ignore_index=True), settings)

@@ -5,10 +5,11 @@ All intervals are percentile bootstraps with two sources of chance:
 - *models*: rotations of one model are not independent, so base models are drawn, and all
   rotations of a model travel together. They are drawn within each category, as the splits are
   stratified by category too. (A category with a single model therefore adds no width.)
-- *seeds*: where a policy was trained with several seeds, its trainings are drawn as well, for
-  each policy on its own.
+- *seeds*: where a policy was trained with several seeds, its trainings are drawn as well. Policies
+  of one seed may go with one U-Net, which is good or bad for all of them; so seeds travel together,
+  too, among policies that have as many.
 
-The models drawn are the same for every policy, so ratios and comparisons are paired. The
+The models and seeds drawn are the same for every policy, so ratios and comparisons are paired. The
 interquartile mean and the probability of improvement are those of rliable (Agarwal et al. 2021,
 Deep RL at the edge of the statistical precipice), with test samples in the place of its tasks.
 
@@ -16,7 +17,6 @@ Shapes: S seeds of a policy, N test samples, B resamples. A statistic is compute
 weightings at once: row 0 weighs every rollout once and gives the value, the others its interval.
 """
 
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -45,7 +45,8 @@ def draw_weights(
     """Draw models within categories, and each policy's seeds; the same seed gives the same draw.
 
     `models` and `categories` are (N,) int, those of each sample; `trainings` says how many seeds
-    each policy has. A policy's draw does not depend on which others there are.
+    each policy has. A policy's draw does not depend on which others there are, and policies with
+    as many seeds share it.
     """
     generator = np.random.default_rng(seed)
     samples = np.ones((1 + resamples, len(models)))
@@ -56,8 +57,8 @@ def draw_weights(
         samples[1:, of_category] = drawn[:, of_sample]
     seeds = {}
     for policy, count in trainings.items():
-        own = np.random.default_rng([seed, zlib.crc32(policy.encode())])
-        seeds[policy] = np.concatenate([np.ones((1, count)), _drawn(own, count, resamples)])
+        of_count = np.random.default_rng([seed, count])
+        seeds[policy] = np.concatenate([np.ones((1, count)), _drawn(of_count, count, resamples)])
     return Weights(samples, seeds)
 
 

@@ -1,7 +1,7 @@
 """A policy of one's own in the tables: its rays on a run's test samples, beside the stored ones."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -9,25 +9,25 @@ from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes, load_shapes
 from tactile_core.errors import TactileError
+from tactile_core.evaluation.of_each_unet import cast_with_each
 from tactile_core.evaluation.readings import per_grasp_reading, per_step_reading
-from tactile_core.evaluation.rollouts import cast_rollouts
 from tactile_core.evaluation.tables import PolicyResults, policy_results
 from tactile_core.evaluation.unseen import refuse_known
-from tactile_core.exploration.policies.base import Policy
+from tactile_core.exploration.policies.own import FunctionPolicy, SB3Policy
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import read_table
 from tactile_core.profiles import Profile
 from tactile_core.reconstruction.inference import Reconstructor
-from tactile_core.reconstruction.trained import TrainedUNet, load_unet
+from tactile_core.reconstruction.unets import UNets, first_of, load_unets
 from tactile_core.settings import EvaluationSettings, RolloutSettings
 
 
 @dataclass(frozen=True)
 class StoredRun:
-    """What a run left to evaluate on: its test shapes, its U-Net, the rollouts of its policies."""
+    """What a run left to evaluate on: its test shapes, its U-Nets, the rollouts of its policies."""
 
     test: Shapes
-    unet: TrainedUNet
+    unets: UNets
     rollouts: pd.DataFrame
 
 
@@ -46,9 +46,10 @@ def stored_run(artifacts: UPath) -> StoredRun:
         read_table(artifacts / f"{name}.parquet")
         for name in ("rotated_splits", "outlines", "rollouts")
     )
-    run = StoredRun(load_shapes(splits, outlines, "test"), load_unet(artifacts / "unet"), rollouts)
+    run = StoredRun(load_shapes(splits, outlines, "test"), load_unets(artifacts / "unet"), rollouts)
     remedy = "the splits have been dealt anew since, materialise unet again"
-    refuse_known(run.test, {"the U-Net": run.unet.trained_on}, by_name=True, remedy=remedy)
+    seen = {"the U-Net": first_of(run.unets).trained_on}
+    refuse_known(run.test, seen, by_name=True, remedy=remedy)
     if not repeats(run):
         raise TactileError(
             "rollouts are on other shapes or of another U-Net than those that are stored: "
@@ -65,22 +66,22 @@ def repeats(run: StoredRun) -> bool:
     first = run.rollouts[run.rollouts["ray"] == 1].drop_duplicates("sample_id")
     if list(first["sample_id"]) != list(run.test.sample_ids):
         return False
-    explorations = Explorations(run.test.masks, Reconstructor(run.unet))
+    explorations = Explorations(run.test.masks, Reconstructor(first_of(run.unets)))
     cast = explorations.cast(first[["alpha", "beta"]].to_numpy())
     there = np.array_equal(cast.touches, first[["row", "column"]])
     return there and float(np.abs(cast.jaccard - first["jaccard"]).mean()) < 1
 
 
 def results_beside(
-    policy: Policy,
+    policy: FunctionPolicy | SB3Policy,
     run: StoredRun,
     profile: Profile,
     progress: Callable[[str], None] = lambda message: None,
 ) -> tuple[PolicyResults, PolicyResults]:
     """Per step and per grasp, what the run's policies and this one come to on the same samples.
 
-    Its rays are cast as far as those of the run. Raises `TactileError` where the run has a policy
-    of that name.
+    With each of the run's U-Nets it counts as a policy of that one's seed. Its rays are cast as far
+    as those of the run. Raises `TactileError` where the run has a policy of that name.
     """
     if policy.name in set(run.rollouts["policy"]):
         raise TactileError(f"the run has a policy called {policy.name!r}: give yours another name")
@@ -93,7 +94,8 @@ def results_beside(
             "ray_limit": limit_of(run.rollouts, per_grasp, profile.rollouts),
         }
     )
-    own = cast_rollouts([policy], run.test, run.unet, settings, progress=progress)
+    of_each = {seed: [replace(policy, seed=seed)] for seed in run.unets}
+    own = cast_with_each(of_each, run.test, run.unets, settings, progress=progress)
     every = pd.concat([run.rollouts, own], ignore_index=True)
     steps, grasps = per_step_reading(every, per_step), per_grasp_reading(every, per_grasp)
     return (

@@ -1,10 +1,10 @@
 """Every ray of every policy on every shape to test on: what both evaluations read (section VII)."""
 
-import shutil
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -38,6 +38,7 @@ def cast_rollouts(
     progress: Progress = lambda message: None,
     workers: int | None = None,
     work: Path | None = None,
+    seed_of_references: int = 0,
 ) -> pd.DataFrame:
     """Rays of each policy on every test sample until `settings.count` rays are cast and as many
     touches held, or `settings.ray_limit` rays are cast.
@@ -45,14 +46,15 @@ def cast_rollouts(
     previous : the rollouts of an earlier run; those whose key is the same are kept
     workers : policies at a time; None: as many as there are CPUs, and one on a GPU; on a Ray
         cluster as many as fit there
-    work : keeps what is cast until all is, so that a run that was killed goes on there
+    work : keeps what is cast, so that a run that was killed goes on there; the caller removes it
+    seed_of_references : what stands in the column seed for rules, and what they draw from
 
     Rows: policy, seed, choice ("likeliest", "drawn", or "rule" where there is no distribution to
     choose from), sample_id, model_id, category, ray (from 1), alpha and beta (see `circle_pixels`),
     row and column of the touch (−1 for a miss), missed, repeated, touches held, jaccard (0–100),
     and key: of all that the row depends on.
     """
-    everyone = with_references(policies, settings)
+    everyone = with_references(policies, settings, seed_of_references)
     reconstructor = Reconstructor(unet)
     progress(f"rollouts: the U-Net runs through {reconstructor.runs}")
     tables: dict[str, pd.DataFrame] = {}
@@ -75,8 +77,6 @@ def cast_rollouts(
     else:
         with one_thread():
             tables |= cast_missing(missing, test, unet, settings, progress, workers, work)
-    if work is not None:
-        shutil.rmtree(work, ignore_errors=True)
     return pd.concat([tables[casting.key] for casting in castings], ignore_index=True)
 
 
@@ -157,13 +157,15 @@ def summary(casting: Casting, table: pd.DataFrame, settings: RolloutSettings) ->
     )
 
 
-def with_references(policies: Sequence[Policy], settings: RolloutSettings) -> list[Policy]:
+def with_references(
+    policies: Sequence[Policy], settings: RolloutSettings, seed: int = 0
+) -> list[Policy]:
     """The reference policies that `settings` name, or all there are, then the trained ones.
 
     Raises `TactileError` where two have one name and seed: no table could tell them apart.
     """
     names = REFERENCES if settings.references is None else settings.references
-    every = [*map(find_reference, names), *policies]
+    every = [*(replace(find_reference(name), seed=seed) for name in names), *policies]
     twice = [who for who, n in Counter((one.name, one.seed) for one in every).items() if n > 1]
     if twice:
         name, seed = twice[0]

@@ -20,6 +20,7 @@ from tactile_core.exploration.policies.store import describe, load_policies, tra
 from tactile_core.exploration.pretrained import PROVENANCE, Provenance
 from tactile_core.files import read_table, write_table, written_whole
 from tactile_core.reconstruction.trained import load_unet
+from tactile_core.reconstruction.unets import INDEX
 from tactile_core.settings import RolloutSettings
 
 # Of all trainings these two: `gain`, which `recall` is made of, and the best that does not look.
@@ -55,7 +56,8 @@ def pack(artifacts: UPath, folder: Path) -> None:
     for name in names:
         (folder / name).mkdir(parents=True)
         for file in sorted((artifacts / name).iterdir()):
-            if file.suffix != ".zip":  # for users of Stable-Baselines3
+            # Not what is for users of Stable-Baselines3, nor further U-Nets with their index.
+            if file.is_file() and file.suffix != ".zip" and file.name != INDEX:
                 (folder / name / file.name).write_bytes(file.read_bytes())
     versions = {name: describe(UPath(folder, "policies", name)).version for name in POLICIES}
     (folder / "policies" / "index.json").write_text(json.dumps(versions, indent=2))

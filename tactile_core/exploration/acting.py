@@ -83,16 +83,20 @@ def policy(name: str, env: Any = None, *, seed: int = 0, deterministic: bool = F
 
 
 def find_policy(name: str, reconstructor: Reconstructor) -> Policy:
-    """The rule or, of the last run, the first trained policy of that name."""
+    """The rule or, of the last run, the trained policy of that name: the first that was trained
+    with this U-Net."""
     if name in REFERENCES:
         return REFERENCES[name]
-    trained = read_index(at_hand(UNET, POLICIES) / "policies")
-    stored = {place: describe(place).policies for place in trained}
-    for place, names in stored.items():
-        if name in names:
-            policies = load_policies([place], reconstructor.version, reconstructor.resolution)
-            return policies[names.index(name)]
-    known = dict.fromkeys([*REFERENCES, *(name for names in stored.values() for name in names)])
+    stored = {place: describe(place) for place in read_index(at_hand(UNET, POLICIES) / "policies")}
+    called_so = [place for place, policy in stored.items() if name in policy.policies]
+    if called_so:
+        its_own = [place for place in called_so if stored[place].unet == reconstructor.version]
+        place = (its_own or called_so)[0]  # what was trained with another says so when it is loaded
+        policies = load_policies([place], reconstructor.version, reconstructor.resolution)
+        return policies[stored[place].policies.index(name)]
+    known = dict.fromkeys(
+        [*REFERENCES, *(one for policy in stored.values() for one in policy.policies)]
+    )
     raise TactileError(f"policy {name!r} is unknown: choose from {', '.join(known)}")
 
 

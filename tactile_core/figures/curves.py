@@ -122,7 +122,10 @@ def learning_curve(curve: pd.DataFrame) -> Figure:
 
 
 def touches_curve(reconstruction: pd.DataFrame) -> Figure:
-    """Jaccard index by number of touches from columns split, touches (null: the mix), jaccard."""
+    """Jaccard index by number of touches from columns split, touches (null: the mix), jaccard.
+
+    Of several U-Nets it is their mean.
+    """
     figure = Figure(figsize=(8, 4), layout="constrained")
     axes = plot(
         figure.subplots(), "Reconstruction by number of touches", "touches", "Jaccard index",
@@ -131,9 +134,9 @@ def touches_curve(reconstruction: pd.DataFrame) -> Figure:
     colours = {"train": RAY, "eval": MUTED, "test": PINK}
     for split, colour in colours.items():
         rows = reconstruction[reconstruction["split"] == split]
-        numbered = rows[rows["touches"].notna()].sort_values("touches")
+        numbered = rows[rows["touches"].notna()].groupby("touches")["jaccard"].mean()
         axes.plot(
-            numbered["touches"].astype(int), numbered["jaccard"], "o-", color=colour, ms=4, lw=1.6,
+            numbered.index.astype(int), numbered, "o-", color=colour, ms=4, lw=1.6,
             label=split,
         )  # fmt: skip
         axes.axhline(

@@ -47,7 +47,9 @@ def test_artifacts_are_plain_files_under_their_names(chain):
     for asset in TABLES:
         assert len(read_table(artifacts / f"{asset}.parquet")), asset
     names = {path.name for path in (artifacts / "unet").iterdir()}
-    assert names == {"model.safetensors", "settings.json", "curve.parquet", "trained_on.parquet"}
+    assert names == {
+        "model.safetensors", "settings.json", "curve.parquet", "trained_on.parquet", "seeds.json"
+    }  # fmt: skip
     assert set(json.loads((artifacts / "policies" / "index.json").read_text())) == {
         "total-0",
         "gain-0",
@@ -70,7 +72,7 @@ def test_each_data_version_is_a_hash_of_what_is_stored(chain):
 
 def test_nets_learn_on_train_stop_on_eval_and_are_tested_on_test(copy_of_chain, monkeypatch):
     """What each function of the core is given, told by the samples' own splits."""
-    from tactile_core.evaluation import rollouts
+    from tactile_core.evaluation import of_each_unet
     from tactile_core.exploration.learning import train as policy_training
     from tactile_core.reconstruction import search, training
 
@@ -91,7 +93,7 @@ def test_nets_learn_on_train_stop_on_eval_and_are_tested_on_test(copy_of_chain, 
     watched(search, "search_unet")
     watched(training, "train_unet")
     watched(policy_training, "train_policy")
-    watched(rollouts, "cast_rollouts")
+    watched(of_each_unet, "cast_rollouts")
     copy_of_chain.materialise(
         "unet_search", "unet", "policies", "rollouts", "per_step_evaluation", "per_grasp_evaluation"
     )

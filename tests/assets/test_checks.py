@@ -10,7 +10,7 @@ import pytest
 from tactile_assets.checks import dataset, evaluation, exploration, reconstruction
 from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
 from tactile_core.files import read_table, write_table
-from tactile_core.reconstruction.trained import load_unet
+from tactile_core.reconstruction.unets import load_unets
 
 
 def outcome(result, check):
@@ -106,22 +106,24 @@ def test_an_outline_off_its_mask_and_a_sample_without_one_are_found(chain):
 
 def test_weights_that_are_no_numbers_and_another_resolution_are_found(chain):
     splits = read_table(chain.store.path("rotated_splits.parquet"))
-    unet = load_unet(chain.store.path("unet"))
-    assert reconstruction.the_unet_is_sound(unet, splits).passed
-    assert not reconstruction.the_unet_is_sound(unet, splits.assign(resolution=128)).passed
+    [unet] = load_unets(chain.store.path("unet")).values()
+    assert reconstruction.the_unet_is_sound({0: unet}, splits).passed
+    assert not reconstruction.the_unet_is_sound({0: unet}, splits.assign(resolution=128)).passed
     name = next(iter(unet.weights))
-    broken = {**unet.weights, name: unet.weights[name] * float("nan")}
-    result = reconstruction.the_unet_is_sound(dataclasses.replace(unet, weights=broken), splits)
+    weights = {**unet.weights, name: unet.weights[name] * float("nan")}
+    broken = dataclasses.replace(unet, weights=weights)
+    result = reconstruction.the_unet_is_sound({0: unet, 1: broken}, splits)
     assert not result.passed
     assert result.metadata["weights_not_finite"].value == unet.weights[name].numel()
 
 
 def test_policies_of_another_unet_are_found(chain):
-    unet = load_unet(chain.store.path("unet"))
+    [unet] = load_unets(chain.store.path("unet")).values()
     directories = [chain.store.path("policies", name) for name in ("total-0", "gain-0")]
-    assert exploration.policies_are_sound(directories, unet).passed
     weights = {name: 2 * values for name, values in unet.weights.items()}
-    result = exploration.policies_are_sound(directories, dataclasses.replace(unet, weights=weights))
+    other = dataclasses.replace(unet, weights=weights)
+    assert exploration.policies_are_sound(directories, {0: unet, 1: other}).passed
+    result = exploration.policies_are_sound(directories, {0: other, 1: unet})
     assert not result.passed and result.metadata["of_another_unet"].value == 2
 
 

@@ -14,7 +14,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import train as core
 from tactile_core.files import read_table
 from tactile_core.profiles import PROFILES
-from tactile_core.reconstruction.trained import load_unet
+from tactile_core.reconstruction.unets import load_unets
 from tests.assets.running import TINY, shell
 from tests.disks import small_disk
 
@@ -84,25 +84,33 @@ def files_in(folder: Path) -> list[Path]:
     return [file for file in folder.rglob("*") if file.is_file() and file.name != "filled"]
 
 
-def planned(platform, unet, **fields) -> list[str]:
+def planned(platform, unets, **fields) -> list[str]:
     store, config = platform.store, exploration.PolicyConfig(**fields)
     splits, outlines = (
         read_table(store.path(f"{name}.parquet")) for name in ("rotated_splits", "outlines")
     )
-    trainings = exploration.plan_trainings(config, splits, outlines, unet)
+    trainings = exploration.plan_trainings(config, splits, outlines, unets)
     return [output.value.name for output in trainings]
 
 
 def test_each_approach_is_trained_once_with_each_seed_the_longest_first(chain):
-    unet = load_unet(chain.store.path("unet"))
-    names = planned(chain, unet, approaches=["total", "gain", "total_miss"], seeds=[0, 7])
+    unets = load_unets(chain.store.path("unet"))
+    names = planned(chain, unets, approaches=["total", "gain", "total_miss"], seeds=[0, 7])
     assert names == ["gain-0", "gain-7", "total_miss-0", "total_miss-7", "total-0", "total-7"]
 
 
 def test_a_unet_of_another_resolution_stops_before_any_training(chain):
-    unet = replace(load_unet(chain.store.path("unet")), resolution=96)
+    [unet] = load_unets(chain.store.path("unet")).values()
     with pytest.raises(TactileError, match="resolution 64, and the U-Net was trained at 96"):
-        planned(chain, unet)
+        planned(chain, {0: replace(unet, resolution=96)})
+
+
+def test_a_seed_without_a_unet_of_its_own_stops_before_any_training(chain):
+    [unet] = load_unets(chain.store.path("unet")).values()
+    unets = {0: unet, 1: unet}
+    assert planned(chain, unets, approaches=["diff"], seeds=[1]) == ["diff-1"]
+    with pytest.raises(TactileError, match=r"no U-Net of seed 2 .* but of seeds 0, 1: add it to"):
+        planned(chain, unets, seeds=[0, 2])
 
 
 @pytest.mark.parametrize(

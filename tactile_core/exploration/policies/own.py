@@ -9,7 +9,6 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from tactile_core.errors import TactileError
-from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.state import ARRAYS, Explorations
 
@@ -80,7 +79,9 @@ class SB3Policy:
         return self.interface.rays(actions, explorations.resolution)
 
 
-def own_policy(name: str, choice: Any, interface: Interface, resolution: int) -> Policy:
+def own_policy(
+    name: str, choice: Any, interface: Interface, resolution: int
+) -> FunctionPolicy | SB3Policy:
     """A function or a model of Stable-Baselines3 as a policy of that name.
 
     Raises `TactileError` for anything else, and for a model that was trained on other observations

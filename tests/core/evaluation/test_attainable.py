@@ -1,5 +1,6 @@
 """What can be attained: the ideal observers beside the policies, on the same samples."""
 
+import pandas as pd
 import pytest
 
 from tactile_core.errors import TactileError
@@ -22,7 +23,7 @@ def observed(shapes, unet):
         for name in ("DRAWN", "FIRST", "SECOND", "BEYOND"):
             patch.setattr(observer, name, 2)
         belief = shapes["train"].masks
-        return cast_observers(shapes["test"], unet, belief, RayScorer().eval(), SETTINGS)
+        return cast_observers(shapes["test"], 0, unet, belief, RayScorer().eval(), SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,12 @@ def test_policies_are_measured_by_what_the_observers_attain_on_the_same_samples(
     room = summary.loc[best, "mean"] - summary.loc["random", "mean"]
     share = (summary.loc["even", "mean"] - summary.loc["random", "mean"]) / room
     assert summary.loc["even", "mean_attained"] == pytest.approx(share)
+
+
+def test_observers_are_compared_with_what_had_the_same_unet(observed, rollouts):
+    of_another = rollouts.assign(seed=1, jaccard=0.0)
+    both = attainable_reading(observed, pd.concat([rollouts, of_another]), READ)
+    pd.testing.assert_frame_equal(both, attainable_reading(observed, rollouts, READ))
 
 
 def test_rollouts_on_other_samples_are_told(observed, rollouts):

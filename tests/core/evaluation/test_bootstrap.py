@@ -54,17 +54,29 @@ def test_every_model_is_as_likely_as_any_other_in_its_category():
     np.testing.assert_allclose(weights.seeds["gain"][1:].mean(axis=0), 1, atol=0.08)
 
 
-def test_draws_repeat_and_differ_between_categories_policies_and_seeds():
+def test_draws_repeat_and_differ_between_categories_counts_and_seeds():
     def draw(seed, **trainings):
         return draw_weights(np.arange(8), np.repeat([0, 1], 4), trainings, RESAMPLES, seed)
 
-    one, again, other = draw(3, gain=4, even=4), draw(3, gain=4), draw(4, gain=4)
+    one, again, other = draw(3, gain=4, even=4, total=3), draw(3, gain=4), draw(4, gain=4)
     np.testing.assert_array_equal(one.samples, again.samples)
     np.testing.assert_array_equal(one.seeds["gain"], again.seeds["gain"])
     assert (one.samples[1:, :4] != one.samples[1:, 4:]).any()
-    assert (one.seeds["gain"] != one.seeds["even"]).any()
+    assert (one.seeds["gain"][:, :3] != one.seeds["total"]).any()
     assert (one.samples != other.samples).any()
     assert (one.seeds["gain"] != other.seeds["gain"]).any()
+
+
+def test_what_a_unet_does_to_all_policies_of_its_seed_is_in_no_comparison():
+    """A U-Net that is better by any number of points is so for both, and moves neither's lead."""
+    drawn = draw_weights(np.zeros(1, int), np.zeros(1, int), {"gain": 3, "even": 3}, RESAMPLES, 0)
+    of_unet = np.array([60.0, 75.0, 90.0])[:, None, None]  # (S, N, K)
+    means = {
+        policy: weighted_means(of_unet + lead, drawn.samples, drawn.seeds[policy])[:, 0]
+        for policy, lead in {"gain": 2, "even": 0}.items()
+    }
+    assert np.ptp(means["gain"]) > 10  # each on its own is as uncertain as the U-Net
+    np.testing.assert_allclose(points_above(means, "gain", "even"), 2)
 
 
 @settings(deadline=None, max_examples=25)
