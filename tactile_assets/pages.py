@@ -24,6 +24,7 @@ IN_README = {
     "attainable": HEADINGS["attainable"],
 }
 TABLES = IN_README | {
+    "findings": "The report, finding by finding",
     "per_step_comparison": f"Compared, per step: {COMPARED}",
     "per_grasp_comparison": "Compared, per grasp",
     "real_per_step": HEADINGS["real_per_step"],

@@ -21,7 +21,9 @@ VARIABLES = ("TACTILE_PROFILE", "TACTILE_SHAPENET", "TACTILE_REAL")
 def made_with(settings: EvaluationSettings) -> dict[str, Any]:
     """What `made_here` says, with the profile and how the evaluation's intervals are drawn."""
     bootstrap = settings.model_dump(include={"resamples", "seed"})
-    return {"profile": PROFILE.name, "bootstrap": bootstrap, **made_here()}
+    return {
+        "profile": PROFILE.name, "bootstrap": bootstrap, "choice": settings.choice, **made_here()
+    }  # fmt: skip
 
 
 def made_here() -> dict[str, Any]:

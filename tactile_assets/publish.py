@@ -14,6 +14,7 @@ from typing import Any
 import pandas as pd
 
 from tactile_assets.chain import in_order
+from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tactile_assets.pages import PICTURES, page, readme_part
 from tactile_assets.paths import REPOSITORY
@@ -21,7 +22,11 @@ from tactile_assets.provenance import how_made, made_here, own_instance, whole_r
 from tactile_assets.resources import Store
 from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
-from tactile_core.evaluation.tables import hyperparameter_rows, reconstruction_rows
+from tactile_core.evaluation.tables import (
+    PolicyResults,
+    hyperparameter_rows,
+    reconstruction_rows,
+)
 from tactile_core.files import read_table
 
 RESULTS = REPOSITORY / "docs" / "results"
@@ -39,6 +44,7 @@ def publish(name: str, note: str | None = None) -> None:
     evaluations = stored_evaluations(store)
     settings = load_unet(store.path("unet")).settings
     about = run_facts(evaluations)
+    results = {}
     tables = {
         "hyperparameters": hyperparameter_rows(settings),
         "reconstruction": reconstruction_rows(reconstruction),
@@ -47,15 +53,17 @@ def publish(name: str, note: str | None = None) -> None:
         made = {title: how_made(instance, f"{title}_evaluation") for title in evaluations}
     notes = {}
     for title, table in evaluations.items():
-        results = results_of(table, made[title])
-        if results.note:
-            notes[title] = results.note
+        results[title] = one = results_of(table, made[title])
+        if one.note:
+            notes[title] = one.note
         tables |= {
-            title: results.rows,
-            f"{title}_comparison": results.comparison,
-            f"{title}_curve": results.curve,
-            f"{title}_summary": results.summary,
+            title: one.rows,
+            f"{title}_comparison": one.comparison,
+            f"{title}_curve": one.curve,
+            f"{title}_summary": one.summary,
         }
+    choice = made["per_step"].get("choice", PROFILE.per_step.choice)
+    tables["findings"] = findings_of(store, reconstruction, results, choice)
     if note:
         about["note"] = note
     if notes:
@@ -72,6 +80,30 @@ def publish(name: str, note: str | None = None) -> None:
     print(f"Published to {folder}")
 
 
+def findings_of(
+    store: Store, reconstruction: pd.DataFrame, results: dict[str, PolicyResults], choice: str
+) -> pd.DataFrame:
+    """The report's findings beside those of the stored run, whose rays per step are by `choice`."""
+    from tactile_core.dataset.shapes import load_shapes
+    from tactile_core.evaluation.findings import findings
+    from tactile_core.evaluation.readings import by_choice
+    from tactile_core.reconstruction.inference import Reconstructor
+    from tactile_core.reconstruction.unets import first_of, load_unets
+
+    splits, outlines, rollouts = (
+        read_table(store.path(f"{name}.parquet"))
+        for name in ("rotated_splits", "outlines", "rollouts")
+    )
+    return findings(
+        reconstruction,
+        results["per_step"],
+        results["per_grasp"],
+        by_choice(rollouts, PROFILE.per_step.model_copy(update={"choice": choice})),
+        load_shapes(splits, outlines, "test"),
+        Reconstructor(first_of(load_unets(store.path("unet")))),
+    )
+
+
 def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
     """What, where and when: everything needed to make the same run again.
 
@@ -81,6 +113,7 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
         run = whole_run(instance, [name for name in in_order(defs) if not name.startswith("real_")])
         made = how_made(instance, f"{list(evaluations)[-1]}_evaluation")
     variables = made.pop("variables")
+    made.pop("choice", None)  # which each evaluation has its own of
     if variables != (now := made_here()["variables"]):
         raise TactileError(f"the run was made with {variables}, and now {now} is set: set the same")
     per_step = evaluations["per_step"]
