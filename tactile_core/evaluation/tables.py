@@ -33,6 +33,7 @@ REPORT_LAST = {
     | dict.fromkeys(("diff", "total", "total_miss"), "≈ 80"),
 }
 NONE = "-"
+LONG = 40  # characters, beyond which a cell is a sentence
 NO_INTERVAL = "There is no interval over models: each class has one, which stands for no other."
 SAME = 1e-9  # what is nearer than that in every resample has no interval
 
@@ -203,11 +204,13 @@ def percent(share: float) -> str:
 
 
 def markdown_table(rows: pd.DataFrame) -> str:
-    """A GitHub table, its first column on the left and all others on the right."""
+    """A GitHub table: its first column and sentences on the left, all others on the right."""
+    cells = rows.astype(str)
+    sentences = [bool((cells[name].map(len) > LONG).any()) for name in rows.columns[1:]]
     lines = [
         list(rows.columns),
-        [":--", *["--:"] * (len(rows.columns) - 1)],
-        *rows.astype(str).to_numpy().tolist(),
+        [":--", *(":--" if sentence else "--:" for sentence in sentences)],
+        *cells.to_numpy().tolist(),
     ]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
 
