@@ -47,8 +47,8 @@ REMEDY = {
 }
 TRAINED = ("unet", "policies")  # rollouts are cast anew where one of these is new
 CODE = (
-    "evaluation.rollouts", "evaluation.replay", "evaluation.unseen", "exploration.policies.store",
-    "reconstruction.inference",
+    "evaluation.of_each_unet", "evaluation.replay", "evaluation.unseen",
+    "exploration.policies.store", "reconstruction.inference",
 )  # fmt: skip
 READING: dict[str, Any] = {
     "kinds": {"matplotlib", "parquet"},

@@ -145,7 +145,10 @@ def policy_config(fields: dict[str, Any]) -> dict[str, Any]:
     owners=OWNERS,
     tags=SECTION["exploration"],
     code_version=code_version(
-        "exploration.learning.train", "exploration.learning.approaches", PROFILE.policies
+        "exploration.learning.train",
+        "exploration.learning.approaches",
+        "reconstruction.unets",
+        PROFILE.policies,
     ),
     config=policy_config,
     ins=UNETS,

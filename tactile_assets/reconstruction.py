@@ -163,7 +163,10 @@ def practice_rays(
 @dg.asset(
     kinds={"pytorch", "safetensors"},
     code_version=code_version(
-        "reconstruction.training", "exploration.practice.ray_touches", PROFILE.unet
+        "reconstruction.training",
+        "reconstruction.unets",
+        "exploration.practice.ray_touches",
+        PROFILE.unet,
     ),
     deps=["practice_rays"] if PROFILE.practice else [],
     **wing("reconstruction", "unets"),
@@ -250,7 +253,7 @@ def unet(
 
 @dg.asset(
     kinds={"pytorch", "parquet"},
-    code_version=code_version("reconstruction.scores", "evaluation.unseen"),
+    code_version=code_version("reconstruction.scores", "reconstruction.unets", "evaluation.unseen"),
     automation_condition=after("unet"),
     ins=UNETS,
     **wing("reconstruction"),

@@ -15,7 +15,7 @@ from tactile_assets.definitions import defs
 from tactile_assets.paths import REPOSITORY
 
 SPECS = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_specs()}
-UNET = "reconstruction.training", "exploration.practice.ray_touches"
+UNET = "reconstruction.training", "reconstruction.unets", "exploration.practice.ray_touches"
 BELOW_RENDERING = {"masks", "rotated_splits"}
 # A module of the core, and the assets whose content its code decides.
 DECIDES = {
