@@ -8,17 +8,19 @@ import pytest
 
 from tactile_core.evaluation.findings import (
     APPROACHES,
-    HALF_CIRCLE,
     findings,
-    in_common,
     of_grasps,
     of_reconstruction,
     of_steps,
-    other_half,
-    told_by_radius,
 )
 from tactile_core.evaluation.readings import by_choice, per_grasp_reading, per_step_reading
 from tactile_core.evaluation.rollouts import cast_rollouts
+from tactile_core.evaluation.seen_in_pictures import (
+    HALF_CIRCLE,
+    in_common,
+    other_half,
+    told_by_radius,
+)
 from tactile_core.evaluation.tables import policy_results
 from tactile_core.exploration.world.circle import circle_pixels, middle
 from tactile_core.settings import EvaluationSettings, RolloutSettings
