@@ -23,7 +23,7 @@ MASK = {
 SPLIT = {"split": "train, eval or test; all rotations and copies of a model are in one."}
 POLICY = {
     "policy": "Name of the policy.",
-    "seed": "Seed of its training; 0 for one that needs none.",
+    "seed": "Seed of its training; of a rule, that of the U-Net it went with.",
 }
 JACCARD = {"jaccard": "Jaccard index of reconstruction and mask, 0 to 100."}
 HIT_OR_MISS = {

@@ -12,13 +12,14 @@ def policies_are_sound(policies: list[UPath], unets: UNetsBySeed) -> dg.AssetChe
     """Every policy was trained with the U-Net that it goes with, and no weight is infinite or no
     number."""
     from tactile_core.exploration.policies.store import describe, read_weights
-    from tactile_core.reconstruction.unets import unet_of
+    from tactile_core.reconstruction.unets import seed_of
 
     stored = {directory.name: describe(directory) for directory in policies}
+    versions = {seed: unet.version() for seed, unet in unets.items()}
     of_another = [
         name
         for name, policy in stored.items()
-        if policy.unet != unet_of(unets, policy.seed).version()
+        if policy.unet != versions[seed_of(unets, policy.seed)]
     ]
     broken = [
         directory.name

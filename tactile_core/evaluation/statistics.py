@@ -22,17 +22,8 @@ from tactile_core.evaluation.bootstrap import (
     weighted_means,
 )
 
-FIRST = (
-    "random",
-    "even",
-    "sequence",
-    "coverage",
-    "uncertainty",
-    "diff",
-    "total",
-    "total_miss",
-    "pre_diff_miss",
-)
+REPORTS = ("diff", "total", "total_miss", "pre_diff_miss")  # the report's approaches
+FIRST = ("random", "even", "sequence", "coverage", "uncertainty", *REPORTS)
 OBSERVERS = ("observer", "observer_ahead")  # what can be attained without knowing the shape
 LAST = (*OBSERVERS, "oracle")
 BARS = ("even", "coverage")  # the fixed rules that a learned policy has to beat

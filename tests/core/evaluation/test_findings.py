@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from tactile_core.evaluation.findings import (
-    APPROACHES,
     findings,
     of_grasps,
     of_reconstruction,
@@ -21,6 +20,7 @@ from tactile_core.evaluation.seen_in_pictures import (
     other_half,
     told_by_radius,
 )
+from tactile_core.evaluation.statistics import REPORTS
 from tactile_core.evaluation.tables import policy_results
 from tactile_core.exploration.world.circle import circle_pixels, middle
 from tactile_core.settings import EvaluationSettings, RolloutSettings
@@ -30,20 +30,20 @@ GOOD_STEP = {"last": 80.0, "last_low": 79.0, "last_high": 81.0}
 
 
 def steps(**other: dict) -> pd.DataFrame:
-    every = {"random": RANDOM_STEP} | dict.fromkeys(APPROACHES, GOOD_STEP) | other
+    every = {"random": RANDOM_STEP} | dict.fromkeys(REPORTS, GOOD_STEP) | other
     return pd.DataFrame(every).T
 
 
 def grasps(**other: dict) -> pd.DataFrame:
     random = {"last": 90.0, "last_low": 89.0, "last_high": 91.0, "rays": 46.0, "reached": 1.0}
     policy = {**GOOD_STEP, "rays": 14.0, "reached": 1.0}
-    every = {"random": random} | dict.fromkeys(APPROACHES, policy)
+    every = {"random": random} | dict.fromkeys(REPORTS, policy)
     every["pre_diff_miss"] = {**policy, "last": 82.0}
     return pd.DataFrame(every | other).T
 
 
 def curve(rise_of_pre_diff_miss: float) -> pd.DataFrame:
-    rises = dict.fromkeys(APPROACHES, 10.0) | {"pre_diff_miss": rise_of_pre_diff_miss}
+    rises = dict.fromkeys(REPORTS, 10.0) | {"pre_diff_miss": rise_of_pre_diff_miss}
     return pd.DataFrame({1: 58.0, 3: {name: 58 + rise for name, rise in rises.items()}})
 
 
@@ -175,3 +175,18 @@ def test_a_run_is_told_in_words_row_by_row(shapes, unet, reconstructor):
     assert list(table.columns) == ["finding", "report", "ours", "judged", "same"]
     assert set(table["same"]) <= {"yes", "no"}
     assert table["finding"].is_unique and len(table) == 6
+
+
+def test_nothing_is_said_of_ten_rays_where_a_run_has_fewer(shapes, unet, reconstructor):
+    some = RolloutSettings(references=["random"], count=2, ray_limit=60)
+    rollouts, read = cast_rollouts([], shapes["test"], unet, some), EvaluationSettings(count=2)
+    mix = pd.array([None] * 2, "Int64")
+    table = findings(
+        pd.DataFrame({"split": ["eval", "test"], "touches": mix, "jaccard": 78.0}),
+        policy_results(per_step_reading(rollouts, read), "step", 50, 0),
+        policy_results(per_grasp_reading(rollouts, read), "grasp", 50, 0),
+        rollouts,
+        shapes["test"],
+        reconstructor,
+    )
+    assert len(table) == 4 and not table["finding"].str.contains("ten rays").any()
