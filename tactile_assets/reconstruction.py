@@ -28,6 +28,7 @@ from tactile_core.errors import TactileError
 from tactile_core.files import read_table, remove_folder
 from tactile_core.settings import PracticeSettings, SearchSettings, UNetSettings
 
+UNET_CODE = "reconstruction.training", "reconstruction.unets", "exploration.practice.ray_touches"
 UNETS = {"unets": dg.AssetIn("unet")}  # for whoever goes with each of them
 OF_EACH_SEED = {
     "seed": columns.RECONSTRUCTION["seed"],
@@ -162,12 +163,7 @@ def practice_rays(
 
 @dg.asset(
     kinds={"pytorch", "safetensors"},
-    code_version=code_version(
-        "reconstruction.training",
-        "reconstruction.unets",
-        "exploration.practice.ray_touches",
-        PROFILE.unet,
-    ),
+    code_version=code_version(*UNET_CODE, PROFILE.unet),
     deps=["practice_rays"] if PROFILE.practice else [],
     **wing("reconstruction", "unets"),
 )

@@ -13,9 +13,9 @@ from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tactile_assets.paths import REPOSITORY
+from tactile_assets.reconstruction import UNET_CODE
 
 SPECS = {spec.key.to_user_string(): spec for spec in defs.resolve_all_asset_specs()}
-UNET = "reconstruction.training", "reconstruction.unets", "exploration.practice.ray_touches"
 BELOW_RENDERING = {"masks", "rotated_splits"}
 # A module of the core, and the assets whose content its code decides.
 DECIDES = {
@@ -42,8 +42,8 @@ print(json.dumps({s.key.to_user_string(): s.code_version for s in defs.resolve_a
 
 def test_settings_of_a_stage_count():
     other = PROFILE.unet.model_copy(update={"epochs": PROFILE.unet.epochs + 1})
-    assert code_version(*UNET, PROFILE.unet) == SPECS["unet"].code_version
-    assert code_version(*UNET, other) != code_version(*UNET, PROFILE.unet)
+    assert code_version(*UNET_CODE, PROFILE.unet) == SPECS["unet"].code_version
+    assert code_version(*UNET_CODE, other) != code_version(*UNET_CODE, PROFILE.unet)
 
 
 @pytest.mark.parametrize("module", DECIDES)

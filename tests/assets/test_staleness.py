@@ -8,6 +8,7 @@ from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE
 from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
+from tactile_assets.reconstruction import UNET_CODE
 from tests.assets.running import ALL, Platform, run_for
 
 
@@ -21,11 +22,7 @@ def with_patience(patience: int) -> dg.Definitions:
     changed = PROFILE.unet.model_copy(update={"patience": patience})
 
     def update(spec: dg.AssetSpec) -> dg.AssetSpec:
-        return spec.replace_attributes(
-            code_version=code_version(
-                "reconstruction.training", "exploration.practice.ray_touches", changed
-            )
-        )
+        return spec.replace_attributes(code_version=code_version(*UNET_CODE, changed))
 
     return defs.map_resolved_asset_specs(func=update, selection="unet")
 
