@@ -5,7 +5,7 @@ for both, as in the trainings, which run side by side, one a core. `build/bench`
 
 - bench.csv: what, ours, plain, unit, ratio, goal
 - cost.csv: cost against size, as drawn in cost.png
-- precision.csv: Jaccard indices in bfloat16 and float32, as drawn in precision.png
+- precision.csv: Jaccard indices in float32, bfloat16 and int8, as drawn in precision.png
 - machine.json: the machine, versions, commit, date and command, and whose U-Net was compared
 """
 
@@ -49,7 +49,7 @@ def main() -> None:
     for measure in MEASUREMENTS:
         print(f"{measure.__name__.replace('_rows', '')} …", flush=True)
         rows += measure(pace)
-    print("bfloat16 …", flush=True)
+    print("precision …", flush=True)
     pairs, compared = precision_pairs(pace, print)
     rows += precision_rows(pairs)
     print("cost against size …", flush=True)
@@ -109,7 +109,7 @@ def print_results(
             f"    slope {curve.slope():.2f}, last_slope {curve.last_slope():.2f}, "
             f"surprise {curve.linear}"
         )
-    print("\nJaccard index in points, bfloat16 − float32, pair by pair")
+    print("\nJaccard index in points beside float32, pair by pair")
     print_table(pair_summary(pairs))
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from benchmarks.precision import roughs
 from benchmarks.timing import Curve
 from tactile_core.figures.style import FAINT, INK, MUTED, PINK, RAY, plot
 
@@ -33,25 +34,29 @@ def cost_figure(curves: Sequence[Curve]) -> Figure:
 
 
 def precision_figure(pairs: pd.DataFrame) -> Figure:
-    """How many touch images change their Jaccard index by how much, in bfloat16."""
-    figure = Figure(figsize=(8, 3.6), layout="constrained")
-    axes = plot(
-        figure.subplots(), "What bfloat16 changes", "Jaccard index, bfloat16 − float32",
-        "share of touch images", "every bar is a fifth of a point wide",
-    )  # fmt: skip
+    """How many touch images change their Jaccard index by how much, in each precision."""
+    precisions = roughs(pairs)
+    figure = Figure(figsize=(8, 3.6 * len(precisions)), layout="constrained")
     edges = np.arange(-2.1, 2.2, 0.2)
-    for colour, (name, some) in zip((RAY, PINK), pairs.groupby("touches"), strict=True):
-        gaps = (some["bfloat16"] - some["float32"]).clip(-2, 2)
-        axes.stairs(
-            np.histogram(gaps, edges)[0] / len(gaps), edges, color=colour, lw=1.6,
-            label=f"{name}:\n{len(gaps)} pairs, mean {gaps.mean():+.3f}",
+    for precision, axes in zip(
+        precisions, figure.subplots(len(precisions), 1, squeeze=False).flat, strict=True
+    ):
+        plot(
+            axes, f"What {precision} changes", f"Jaccard index, {precision} − float32",
+            "share of touch images", "every bar is a fifth of a point wide",
         )  # fmt: skip
-    axes.axvline(0, color=FAINT, lw=0.8, zorder=0)
-    axes.legend(frameon=False, fontsize=9, labelcolor=INK, loc="upper right")
-    axes.text(
-        1, 1.03, "beyond 2 points: counted in the last bars", transform=axes.transAxes,
-        fontsize=8.5, color=MUTED, ha="right",
-    )  # fmt: skip
+        for colour, (name, some) in zip((RAY, PINK), pairs.groupby("touches"), strict=True):
+            gaps = (some[precision] - some["float32"]).clip(-2, 2)
+            axes.stairs(
+                np.histogram(gaps, edges)[0] / len(gaps), edges, color=colour, lw=1.6,
+                label=f"{name}:\n{len(gaps)} pairs, mean {gaps.mean():+.3f}",
+            )  # fmt: skip
+        axes.axvline(0, color=FAINT, lw=0.8, zorder=0)
+        axes.legend(frameon=False, fontsize=9, labelcolor=INK, loc="upper right")
+        axes.text(
+            1, 1.03, "beyond 2 points: counted in the last bars", transform=axes.transAxes,
+            fontsize=8.5, color=MUTED, ha="right",
+        )  # fmt: skip
     return figure
 
 

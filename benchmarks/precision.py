@@ -1,4 +1,4 @@
-"""Does bfloat16 change the science? Jaccard indices of the same touches in both precisions."""
+"""Do bfloat16 and eight bits change the science? Jaccard indices of the same touches in each."""
 
 from collections.abc import Callable
 
@@ -17,60 +17,75 @@ from tactile_core.exploration.world.rays import RAYS
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import read_table
 from tactile_core.reconstruction.batches import draw_touch_sets
-from tactile_core.reconstruction.inference import Reconstructor
+from tactile_core.reconstruction.engines import Precision
+from tactile_core.reconstruction.inference import Reconstructor, best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
 from tactile_core.reconstruction.training import begin_training, train_epoch
 
 GOAL = 0.1  # points of the Jaccard index
+ROUGH: tuple[Precision, ...] = ("bfloat16", "int8")  # what is compared with float32
 TOUCH_SETS = 5  # for each test shape
 MODELS, ROTATIONS, EPOCHS = 50, 3, 40  # each class, each model; about 15 seconds of training
 
 
 def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> tuple[pd.DataFrame, str]:
-    """One row for each touch image: touches (how they were made), float32, bfloat16 (Jaccard).
+    """One row for each touch image: touches (how they were made), float32, bfloat16, int8
+    (Jaccard indices); without int8 where a GPU does the work.
 
     And which U-Net it was.
     """
     unet, test, whose = trained_and_test(pace, progress)
-    exact, rough = Reconstructor(unet, "float32"), Reconstructor(unet, "bfloat16")
+    exact = Reconstructor(unet, "float32")
+    rough = ROUGH if best_device().type == "cpu" else ROUGH[:1]
+    precisions = {"float32": exact} | {name: Reconstructor(unet, name) for name in rough}
     tables = []
     for name, images in {
         "sets of 1 to 10 touches": uniform_touches(test),
         "touches of 1 to 10 rays": touches_of_rays(test, exact),
     }.items():
         wanted = np.concatenate([test.masks] * (len(images) // len(test)))
-        scores = [jaccard_index(r.predict(images), wanted) for r in (exact, rough)]
-        tables.append(pd.DataFrame({"touches": name, "float32": scores[0], "bfloat16": scores[1]}))
+        scores = {
+            precision: jaccard_index(reconstructor.predict(images), wanted)
+            for precision, reconstructor in precisions.items()
+        }
+        tables.append(pd.DataFrame({"touches": name, **scores}))
     return pd.concat(tables, ignore_index=True), whose
 
 
 def precision_rows(pairs: pd.DataFrame) -> list[Row]:
-    """Mean Jaccard indices of both precisions."""
-    rows = []
-    for name, some in pairs.groupby("touches"):
-        exact, rough = float(some["float32"].mean()), float(some["bfloat16"].mean())
-        rows.append(
-            Row(
-                f"Jaccard index, bfloat16 beside float32, {name}", rough, exact, "points",
-                rough / exact, f"difference < {GOAL}", abs(rough - exact) < GOAL,
-            )
-        )  # fmt: skip
-    return rows
+    """Mean Jaccard indices of each precision beside float32."""
+    return [
+        Row(
+            f"Jaccard index, {precision} beside float32, {name}",
+            some[precision].mean(), some["float32"].mean(), "points",
+            some[precision].mean() / some["float32"].mean(), f"difference < {GOAL}",
+            bool(abs(some[precision].mean() - some["float32"].mean()) < GOAL),
+        )
+        for precision in roughs(pairs)
+        for name, some in pairs.groupby("touches")
+    ]  # fmt: skip
 
 
 def pair_summary(pairs: pd.DataFrame) -> pd.DataFrame:
     """How far the two Jaccard indices of one touch image lie apart, in points."""
-    gaps = (pairs["bfloat16"] - pairs["float32"]).groupby(pairs["touches"])
-    sizes = (pairs["bfloat16"] - pairs["float32"]).abs().groupby(pairs["touches"])
-    summary = {
-        "pairs": gaps.size(),
-        "mean difference": gaps.mean(),
-        "mean of its size": sizes.mean(),
-        "95 % below": sizes.quantile(0.95),
-        "largest": sizes.max(),
-    }
-    return pd.DataFrame(summary).reset_index()
+    tables = []
+    for precision in roughs(pairs):
+        gaps = (pairs[precision] - pairs["float32"]).groupby(pairs["touches"])
+        sizes = (pairs[precision] - pairs["float32"]).abs().groupby(pairs["touches"])
+        summary = {
+            "pairs": gaps.size(),
+            "mean difference": gaps.mean(),
+            "mean of its size": sizes.mean(),
+            "95 % below": sizes.quantile(0.95),
+            "largest": sizes.max(),
+        }
+        tables.append(pd.DataFrame(summary).reset_index().assign(precision=precision))
+    return pd.concat(tables, ignore_index=True)
+
+
+def roughs(pairs: pd.DataFrame) -> list[str]:
+    return [name for name in ROUGH if name in pairs]
 
 
 def uniform_touches(test: Shapes) -> np.ndarray:
@@ -139,4 +154,4 @@ def short_training(pace: Pace) -> tuple[TrainedUNet, Shapes]:
     training = begin_training(DEPTH, CHANNELS, learning_rate=2e-3, seed=0)
     for _ in range(EPOCHS):
         train_epoch(training, train, batch_size=16)
-    return as_trained(training.net, RESOLUTION), test
+    return as_trained(training.net, train), test

@@ -16,6 +16,8 @@ from tactile_core.dataset.procedural.models import procedural_models
 from tactile_core.dataset.rendering.camera import project
 from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.shapes import Shapes
+from tactile_core.reconstruction.batches import felt_outlines
+from tactile_core.reconstruction.eight_bits import with_eight_bits
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import UNet
 from tactile_core.settings import MeshSettings
@@ -52,10 +54,13 @@ def shapes(all_masks: np.ndarray) -> Shapes:
 def untrained(resolution: int = RESOLUTION) -> TrainedUNet:
     """A U-Net of the laptop's size with random weights."""
     torch.manual_seed(0)
-    return as_trained(UNet(DEPTH, CHANNELS), resolution)
+    some = shapes(masks(resolution))
+    return as_trained(UNet(DEPTH, CHANNELS), some)
 
 
-def as_trained(net: UNet, resolution: int) -> TrainedUNet:
-    """The weights of a net as the value that a `Reconstructor` is made from."""
+def as_trained(net: UNet, some: Shapes) -> TrainedUNet:
+    """A net that was trained on these shapes, as the value that a `Reconstructor` is made from."""
     weights = {name: value.cpu().contiguous() for name, value in net.state_dict().items()}
-    return TrainedUNet(weights, resolution, DEPTH, CHANNELS, {}, {}, pd.DataFrame(), pd.DataFrame())
+    nothing = pd.DataFrame()
+    unet = TrainedUNet(weights, some.resolution, DEPTH, CHANNELS, {"seed": 0}, {}, nothing, nothing)
+    return with_eight_bits(unet, some, felt_outlines(some))

@@ -11,7 +11,8 @@ from benchmarks.timing import Pace, Row, Work, alternated, at_least, rate
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.batches import felt_outlines, training_batches
-from tactile_core.reconstruction.inference import Reconstructor, best_device
+from tactile_core.reconstruction.engines import Precision
+from tactile_core.reconstruction.inference import Reconstructor, best_device, bfloat16_pays
 from tactile_core.reconstruction.training import begin_training, train_epoch
 from tactile_core.reconstruction.unet import UNet
 
@@ -22,16 +23,18 @@ PRODUCT_SIZES = {"cpu": (512, 1024, 2048), "cuda": (4096, 8192)}
 
 
 def unet_rows(pace: Pace) -> list[Row]:
-    """Inference as a share of the matrix-product rate, and training beside a plain loop."""
-    reconstructor = Reconstructor(untrained())
-    precision = str(reconstructor.dtype).removeprefix("torch.")
-    share = alternated(predictions(reconstructor), best_product(reconstructor.dtype), pace)
+    """Inference as a share of the matrix-product rate, in eight bits beside what else would run,
+    and training beside a plain loop."""
+    precision: Precision = "bfloat16" if bfloat16_pays(best_device().type) else "float32"
+    usual = Reconstructor(untrained(), precision)
+    share = alternated(predictions(usual), best_product(usual.dtype), pace)
     some = shapes(masks())
     return [
         at_least(
             f"U-Net inference, batch {BATCH}, {precision}, beside a matrix product (share)",
             share, "GFLOP/s", goal=0.6,
         ),
+        *eight_bits_rows(usual, pace),
         at_least(
             f"U-Net training, batch {TRAINING_BATCH}, beside a plain float32 loop",
             alternated(our_training(some), plain_training(some), pace), "images/s", goal=2.5,
@@ -41,6 +44,15 @@ def unet_rows(pace: Pace) -> list[Row]:
             alternated(our_training(some), plain_training(some, cropped=True), pace), "images/s",
         ),
     ]  # fmt: skip
+
+
+def eight_bits_rows(usual: Reconstructor, pace: Pace) -> list[Row]:
+    if best_device().type != "cpu":
+        return []
+    eight_bits = Reconstructor(untrained(), "int8")
+    rates = alternated(predictions(eight_bits), predictions(usual), pace)
+    what = f"U-Net inference, batch {BATCH}, int8 beside {usual.precision}"
+    return [at_least(what, rates, "GFLOP/s")]
 
 
 def predictions(reconstructor: Reconstructor) -> Work:

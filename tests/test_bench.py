@@ -48,12 +48,13 @@ def test_cost_against_size_is_measured_at_growing_sizes_with_a_finite_slope(resu
     assert np.isfinite(cost[["slope", "last_slope"]].to_numpy()).all()
 
 
-def test_both_precisions_reconstruct_the_same_touches(results):
+def test_all_precisions_reconstruct_the_same_touches(results):
     folder, _ = results
     pairs = pd.read_csv(folder / "precision.csv")
     assert set(pairs["touches"]) == {"sets of 1 to 10 touches", "touches of 1 to 10 rays"}
-    assert pairs[["float32", "bfloat16"]].stack().between(0, 100).all()
+    assert pairs[["float32", "bfloat16", "int8"]].stack().between(0, 100).all()
     assert pairs["float32"].corr(pairs["bfloat16"]) > 0.95
+    assert pairs["float32"].corr(pairs["int8"]) > 0.95
 
 
 def test_the_machine_is_described_and_figures_are_drawn(results):

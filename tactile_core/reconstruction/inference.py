@@ -6,11 +6,10 @@ from typing import Literal
 import numpy as np
 import torch
 
-from tactile_core.reconstruction.engines import CompiledUNet, openvino_pays
+from tactile_core.errors import TactileError
+from tactile_core.reconstruction.engines import CompiledUNet, Precision, openvino_pays
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import OUTSIDE, fuse_normalisation, on_device
-
-Precision = Literal["auto", "bfloat16", "float32"]
 
 # Larger batches leave the CPU's caches, and do not fit a GPU's memory.
 LARGEST_CPU_BATCH = {torch.bfloat16: 256, torch.float32: 64}
@@ -33,27 +32,42 @@ def bfloat16_pays(device_type: str) -> bool:
 
 
 class Reconstructor:
-    """A trained U-Net ready to predict; `precision` "auto" takes bfloat16 where it pays.
+    """A trained U-Net ready to predict.
 
     On a processor it runs through OpenVINO, where that pays, else through PyTorch; shapes are
-    recalled in PyTorch. It pickles; what OpenVINO compiled is compiled again at its next use.
+    recalled in PyTorch. `precision` "auto" takes bfloat16 where it pays, and else eight bits
+    through OpenVINO. It pickles; what OpenVINO compiled is compiled again at its next use.
+
+    Raises `TactileError` where eight bits are asked of a U-Net that cannot run so.
     """
 
-    def __init__(self, unet: TrainedUNet, precision: Precision = "auto") -> None:
+    def __init__(self, unet: TrainedUNet, precision: Precision | Literal["auto"] = "auto") -> None:
         self.device = best_device()
+        net = fuse_normalisation(unet.net())
+        self._compiled = openvino_pays(net, self.device)
+        self._eight_bits = unet.eight_bits
+        if precision == "int8" and not (self._compiled and unet.eight_bits):
+            raise TactileError(
+                "int8 is for large U-Nets on a processor with OpenVINO that were trained since it "
+                'was built in: leave precision at "auto", or materialise unet again'
+            )
         if precision == "auto":
-            precision = "bfloat16" if bfloat16_pays(self.device.type) else "float32"
+            precision = self._quickest()
+        self.precision = precision
         self.dtype = torch.bfloat16 if precision == "bfloat16" else torch.float32
         self.resolution = unet.resolution
         self.free_space = unet.free_space
         self.version = unet.version()
-        net = fuse_normalisation(unet.net())
         # OpenVINO is given float32 weights and rounds them itself.
-        self._compiled = openvino_pays(net, self.device)
         weights = torch.float32 if self._compiled else self.dtype
         self._net = on_device(net, self.device, weights)
         if self._net.known is not None:
             self._net.known.to(self.dtype)
+
+    def _quickest(self) -> Precision:
+        if bfloat16_pays(self.device.type):
+            return "bfloat16"
+        return "int8" if self._compiled and self._eight_bits else "float32"
 
     def __getstate__(self) -> dict[str, object]:
         return {name: value for name, value in vars(self).items() if name != "_engine"}
@@ -62,11 +76,11 @@ class Reconstructor:
     def runs(self) -> str:
         """What it runs on, in words."""
         engine = "OpenVINO" if self._compiled else "PyTorch"
-        return f"{engine} on {self.device.type}, {str(self.dtype).removeprefix('torch.')}"
+        return f"{engine} on {self.device.type}, {self.precision}"
 
     @functools.cached_property
     def _engine(self) -> CompiledUNet:
-        return CompiledUNet(self._net, self.dtype, self.resolution)
+        return CompiledUNet(self._net, self.precision, self.resolution, self._eight_bits)
 
     @torch.inference_mode()
     def predict(self, felt: np.ndarray) -> np.ndarray:

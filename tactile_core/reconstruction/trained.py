@@ -27,6 +27,8 @@ from tactile_core.reconstruction.known_shapes import (
 from tactile_core.reconstruction.unet import UNet
 from tactile_core.settings import Settings, UNetSettings, problems
 
+EIGHT_BITS = "eight_bits."  # begins the names of ranges, beside those of weights
+
 
 @dataclass(frozen=True)
 class TrainedUNet:
@@ -38,6 +40,8 @@ class TrainedUNet:
     curve : one row per epoch: epoch, train_loss, eval_loss, eval_jaccard
     trained_on : model_id, geometry and split (train or eval) of every model it has seen
     known : the shapes that the net knows, (n, R²/8) uint8 as `known_shapes.pack` packs them
+    eight_bits : for convolutions in eight bits the ranges of what they see, as `eight_bits.ranges`
+        gives them; empty where they do not pay
     key : that it was trained under, see `keys`
     """
 
@@ -51,6 +55,7 @@ class TrainedUNet:
     trained_on: pd.DataFrame = field(repr=False)
     known: np.ndarray | None = field(default=None, repr=False)
     key: str = ""
+    eight_bits: dict[str, Tensor] = field(default_factory=dict, repr=False)
 
     @property
     def free_space(self) -> bool:
@@ -73,14 +78,14 @@ class TrainedUNet:
         return net.eval()
 
     def version(self) -> str:
-        """Hash of weights, known shapes and resolution (16 hex digits)."""
+        """Hash of all tensors and the resolution (16 hex digits)."""
         return content_hash(safetensors.torch.save(self.tensors()), self.resolution)
 
     def tensors(self) -> dict[str, Tensor]:
-        """What `model.safetensors` holds: the weights, and the known shapes where there are any."""
-        if self.known is None:
-            return self.weights
-        return {**self.weights, PACKED_SHAPES: torch.from_numpy(self.known)}
+        """What `model.safetensors` holds: weights, the ranges for eight bits, and known shapes."""
+        known = {} if self.known is None else {PACKED_SHAPES: torch.from_numpy(self.known)}
+        ranges = {EIGHT_BITS + name: value for name, value in self.eight_bits.items()}
+        return {**self.weights, **ranges, **known}
 
     def forgetting(self, masks: PackedMasks) -> "TrainedUNet":
         """This U-Net without `masks` among the shapes that it knows."""
@@ -140,6 +145,11 @@ def load_unet(directory: UPath) -> TrainedUNet:
             "materialise unet again"
         ) from error
     known = weights.pop(PACKED_SHAPES, None)
+    eight_bits = {
+        name.removeprefix(EIGHT_BITS): weights.pop(name)
+        for name in list(weights)
+        if name.startswith(EIGHT_BITS)
+    }
     unet = TrainedUNet(
         weights=weights,
         resolution=description.resolution,
@@ -151,6 +161,7 @@ def load_unet(directory: UPath) -> TrainedUNet:
         trained_on=read_table(directory / "trained_on.parquet", "unet"),
         known=None if known is None else known.numpy(),
         key=description.key,
+        eight_bits=eight_bits,
     )
     if table_hash(unet.trained_on) != description.trained_on:
         raise TactileError(f"{directory}: its files are of two trainings: materialise unet again")

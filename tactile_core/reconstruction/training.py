@@ -27,6 +27,7 @@ from tactile_core.reconstruction.batches import (
     outline_source,
     training_batches,
 )
+from tactile_core.reconstruction.eight_bits import with_eight_bits
 from tactile_core.reconstruction.hyperparameters import required
 from tactile_core.reconstruction.inference import best_device, bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
@@ -242,7 +243,7 @@ def train_unet(
         )
     checkpoint.unlink(missing_ok=True)
     kept = min(curve, key=lambda row: row["eval_loss"])
-    return TrainedUNet(
+    unet = TrainedUNet(
         weights={name: value.contiguous() for name, value in best.items()},
         known=packed,
         resolution=train.resolution,
@@ -257,6 +258,7 @@ def train_unet(
         ),
         key=key,
     )
+    return with_eight_bits(unet, train, touches.draw)
 
 
 def set_rate(training: UNetTraining, rate: float, epochs_done: float, epochs: int) -> None:

@@ -7,7 +7,9 @@ import pandas as pd
 import pytest
 import torch
 
-from tactile_core.reconstruction.engines import FEWEST_WEIGHTS
+from tactile_core.reconstruction.batches import felt_outlines
+from tactile_core.reconstruction.eight_bits import with_eight_bits
+from tactile_core.reconstruction.folded import FEWEST_WEIGHTS
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import pack
 from tactile_core.reconstruction.trained import TrainedUNet
@@ -31,7 +33,8 @@ def large_unet(request, shapes) -> TrainedUNet:
             value.uniform_(0.1, 0.4)
     weights = {name: value.contiguous() for name, value in net.state_dict().items()}
     assert sum(weight.numel() for weight in net.parameters()) >= FEWEST_WEIGHTS
-    return TrainedUNet(weights, 64, 3, 16, {}, {}, pd.DataFrame(), pd.DataFrame(), known)
+    unet = TrainedUNet(weights, 64, 3, 16, {"seed": 0}, {}, pd.DataFrame(), pd.DataFrame(), known)
+    return with_eight_bits(unet, shapes["train"], felt_outlines(shapes["train"]))
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +60,11 @@ def test_float32_gives_the_probabilities_of_the_plain_net(large_unet, felt):
     np.testing.assert_allclose(reconstructor.predict(felt), expected, atol=1e-4)
 
 
-def test_bfloat16_gives_them_nearly(large_unet, felt):
-    found = Reconstructor(large_unet, "bfloat16").predict(felt)
-    assert np.abs(found - in_pytorch(large_unet, felt)).mean() < 0.01
+@pytest.mark.parametrize("precision", ["bfloat16", "int8"])
+def test_fewer_bits_give_them_nearly(large_unet, felt, precision):
+    reconstructor = Reconstructor(large_unet, precision)
+    assert reconstructor.runs == f"OpenVINO on cpu, {precision}"
+    assert np.abs(reconstructor.predict(felt) - in_pytorch(large_unet, felt)).mean() < 0.01
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
