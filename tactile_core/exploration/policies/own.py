@@ -1,5 +1,6 @@
 """Policies of one's own among those of the tables: a function, or a model of Stable-Baselines3."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +15,7 @@ from tactile_core.exploration.world.state import ARRAYS, Explorations
 
 HIDDEN = ("masks", "jaccard")  # what only the environment knows
 FELT = [name for name in ARRAYS if name not in HIDDEN]
+ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,9 @@ class SB3Policy:
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
     ) -> np.ndarray:
-        with torch.random.fork_rng(devices=[]):  # models draw from PyTorch's own generator
+        # Models draw from PyTorch's own generator, and may keep their distribution in the net: one
+        # at a time, or what one draws would hang on what another thread does.
+        with ONE_AT_A_TIME, torch.random.fork_rng(devices=[]):
             torch.manual_seed(int(rng.integers(2**32)))
             actions, _ = self.model.predict(
                 self.interface.observe(explorations), deterministic=deterministic

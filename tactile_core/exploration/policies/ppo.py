@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium import spaces
-from stable_baselines3.common.policies import ActorCriticCnnPolicy, ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticCnnPolicy, ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
 from tactile_core.exploration.policies.base import weights_version
@@ -78,10 +78,19 @@ class PPOPolicy:
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
     ) -> np.ndarray:
         observations = torch.from_numpy(explorations.observations()).to(self.net.device)
-        distribution = self.net.get_distribution(observations)
-        heads: Any = distribution.distribution  # one categorical each for alpha and beta
-        logits = [head.logits.cpu().numpy() for head in heads]  # two of (N, P)
+        logits = [head.cpu().numpy() for head in self.heads(observations)]
         if not deterministic:
             logits = [some + rng.gumbel(size=some.shape) for some in logits]
         actions = np.stack([some.argmax(axis=1) for some in logits], axis=1)  # (N, 2)
         return report_order(explorations.resolution)[actions]
+
+    def heads(self, observations: Tensor) -> tuple[Tensor, ...]:
+        """Logits of alpha and of beta, (N, P) each, of observations (N, 2, R, R).
+
+        `get_distribution` would leave them in the net for a moment, where another thread that
+        chooses by the same net would find them.
+        """
+        extractor: Any = self.net.pi_features_extractor
+        features = BasePolicy.extract_features(self.net, observations, extractor)
+        logits = self.net.action_net(self.net.mlp_extractor.forward_actor(features))  # (N, 2P)
+        return logits.chunk(2, dim=1)
