@@ -5,6 +5,7 @@ batch is compiled at its first use and takes a fifth of a second.
 """
 
 import importlib.util
+import threading
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -27,6 +28,9 @@ Precision = Literal["bfloat16", "int8", "float32"]
 # Batches are compiled for these sizes, and the last is filled up; larger ones leave the caches.
 BATCHES = (1, 8, 32, 128)
 MOST_PIXELS = 128 * 64**2
+# Threads compile one at a time: two rollouts that began together once ended in a corrupted heap,
+# which could not be provoked again, and OpenVINO has had races there.
+COMPILING = threading.Lock()
 # What is not in eight bits then.
 HINTS: dict[Precision, str] = {"bfloat16": "bf16", "int8": "f32", "float32": "f32"}
 
@@ -76,18 +80,22 @@ class CompiledUNet:
     def request(self, batch: int) -> Any:
         """What runs a batch of a size, compiled when it is first asked for."""
         if batch not in self.requests:
-            import openvino
-
-            options = {
-                "INFERENCE_PRECISION_HINT": HINTS[self.precision],
-                "INFERENCE_NUM_THREADS": 1,
-                "NUM_STREAMS": 1,
-                "ENABLE_CPU_PINNING": False,
-            }
-            model = graph(self.net, batch, self.side, self.eight_bits)
-            compiled = openvino.Core().compile_model(model, "CPU", options)
-            self.requests[batch] = compiled.create_infer_request()
+            with COMPILING:
+                self.requests[batch] = self.compiled(batch)
         return self.requests[batch]
+
+    def compiled(self, batch: int) -> Any:
+        """The same, compiled now."""
+        import openvino
+
+        options = {
+            "INFERENCE_PRECISION_HINT": HINTS[self.precision],
+            "INFERENCE_NUM_THREADS": 1,
+            "NUM_STREAMS": 1,
+            "ENABLE_CPU_PINNING": False,
+        }
+        model = graph(self.net, batch, self.side, self.eight_bits)
+        return openvino.Core().compile_model(model, "CPU", options).create_infer_request()
 
 
 def graph(net: UNet, batch: int, side: int, eight_bits: Mapping[str, Tensor]) -> Any:

@@ -1,12 +1,16 @@
 """A U-Net through OpenVINO says what PyTorch says."""
 
 import pickle
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
+from tactile_core.reconstruction import engines
 from tactile_core.reconstruction.batches import felt_outlines
 from tactile_core.reconstruction.eight_bits import with_eight_bits
 from tactile_core.reconstruction.folded import FEWEST_WEIGHTS
@@ -81,6 +85,24 @@ def test_a_reconstructor_that_was_used_pickles(large_unet, felt):
     before = reconstructor.predict(felt[:5])
     again = pickle.loads(pickle.dumps(reconstructor))
     np.testing.assert_array_equal(again.predict(felt[:5]), before)
+
+
+def test_threads_compile_one_at_a_time(large_unet, felt, monkeypatch):
+    plain, busy, met = engines.graph, threading.Lock(), []
+
+    def slow(*given):
+        met.append(busy.acquire(blocking=False))
+        time.sleep(0.2)
+        if met[-1]:
+            busy.release()
+        return plain(*given)
+
+    monkeypatch.setattr(engines, "graph", slow)
+    with ThreadPoolExecutor(3) as pool:
+        each = [Reconstructor(large_unet) for _ in range(3)]
+        found = list(pool.map(lambda reconstructor: reconstructor.predict(felt[:8]), each))
+    assert met == [True, True, True]
+    np.testing.assert_array_equal(found[0], found[1])
 
 
 def test_small_nets_stay_in_pytorch(unet):
