@@ -20,7 +20,8 @@ from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import UNet, fuse_normalisation
 
 AS_IT_IS = "contract.0.0"
-BATCH, IMAGES = 64, 1024  # measured at a time, and in all
+BATCH = 64
+MOST_PIXELS = 2**20  # of all windows that are measured: 1024 of them at resolution 64
 
 
 def with_eight_bits(unet: TrainedUNet, train: Shapes, draw: DrawFelt) -> TrainedUNet:
@@ -30,12 +31,13 @@ def with_eight_bits(unet: TrainedUNet, train: Shapes, draw: DrawFelt) -> Trained
     if not worth_walking(net):
         return unet
     rng = np.random.default_rng(unet.settings["seed"])
+    count = MOST_PIXELS // (unet.resolution // 2) ** 2
     windows = (
         net.windows(
             torch.from_numpy(felt).float()[:, None],
             None if unet.known is None else train.model_ids[indices],
         )
-        for indices, felt, _ in training_batches(train, BATCH, rng, draw, IMAGES)
+        for indices, felt, _ in training_batches(train, BATCH, rng, draw, count)
     )
     return replace(unet, eight_bits=ranges(net, windows))
 
