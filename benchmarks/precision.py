@@ -18,7 +18,7 @@ from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import read_table
 from tactile_core.reconstruction.batches import draw_touch_sets
 from tactile_core.reconstruction.engines import Precision
-from tactile_core.reconstruction.inference import Reconstructor, best_device
+from tactile_core.reconstruction.inference import Reconstructor, best_device, bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
 from tactile_core.reconstruction.training import begin_training, train_epoch
@@ -30,14 +30,16 @@ MODELS, ROTATIONS, EPOCHS = 50, 3, 40  # each class, each model; about 15 second
 
 
 def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> tuple[pd.DataFrame, str]:
-    """One row for each touch image: touches (how they were made), float32, bfloat16, int8
-    (Jaccard indices); without int8 where a GPU does the work.
+    """One row for each touch image: touches (how they were made), float32, and bfloat16 or int8 or
+    both (Jaccard indices): what this machine can run in.
 
     And which U-Net it was.
     """
     unet, test, whose = trained_and_test(pace, progress)
     exact = Reconstructor(unet, "float32")
-    rough = ROUGH if best_device().type == "cpu" else ROUGH[:1]
+    device = best_device().type
+    there = {"bfloat16": bfloat16_pays(device), "int8": device == "cpu"}
+    rough = [name for name in ROUGH if there[name]]
     precisions = {"float32": exact} | {name: Reconstructor(unet, name) for name in rough}
     tables = []
     for name, images in {

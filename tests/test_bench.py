@@ -10,6 +10,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from tactile_core.reconstruction.inference import bfloat16_pays
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 
@@ -52,9 +54,11 @@ def test_all_precisions_reconstruct_the_same_touches(results):
     folder, _ = results
     pairs = pd.read_csv(folder / "precision.csv")
     assert set(pairs["touches"]) == {"sets of 1 to 10 touches", "touches of 1 to 10 rays"}
-    assert pairs[["float32", "bfloat16", "int8"]].stack().between(0, 100).all()
-    assert pairs["float32"].corr(pairs["bfloat16"]) > 0.95
-    assert pairs["float32"].corr(pairs["int8"]) > 0.95
+    rough = {"bfloat16"} if bfloat16_pays("cpu") else set()
+    assert set(pairs) == {"touches", "float32", "int8"} | rough
+    scores = pairs.drop(columns="touches")
+    assert scores.stack().between(0, 100).all()
+    assert scores.corr()["float32"].min() > 0.95
 
 
 def test_the_machine_is_described_and_figures_are_drawn(results):
