@@ -5,7 +5,7 @@ for both, as in the trainings, which run side by side, one a core. `build/bench`
 
 - bench.csv: what, ours, plain, unit, ratio, goal
 - cost.csv: cost against size, as drawn in cost.png
-- precision.csv: Jaccard indices in float32, bfloat16 and int8, as drawn in precision.png
+- precision.csv: Jaccard indices in each precision that the machine has, as drawn in precision.png
 - machine.json: the machine, versions, commit, date and command, and whose U-Net was compared
 """
 

@@ -38,7 +38,7 @@ def precision_pairs(pace: Pace, progress: Callable[[str], None]) -> tuple[pd.Dat
     unet, test, whose = trained_and_test(pace, progress)
     exact = Reconstructor(unet, "float32")
     device = best_device().type
-    there = {"bfloat16": bfloat16_pays(device), "int8": device == "cpu"}
+    there = {"bfloat16": device != "cpu" or bfloat16_pays(device), "int8": device == "cpu"}
     rough = [name for name in ROUGH if there[name]]
     precisions = {"float32": exact} | {name: Reconstructor(unet, name) for name in rough}
     tables = []
@@ -125,11 +125,14 @@ def trained_and_test(
 
 
 def from_platform() -> tuple[TrainedUNet, Shapes]:
-    """The U-Net and the test split among the artifacts; `TactileError` where they are not."""
+    """The U-Net and the test split among the artifacts; `TactileError` where they are not, or it
+    cannot run in all precisions."""
     from tactile_assets.resources import Store
 
     store = Store.from_environment()
     unet = load_unet(store.path("unet"))
+    if not unet.eight_bits:
+        raise TactileError("the platform's U-Net is too small, or too old, for eight bits")
     test = load_shapes(
         read_table(store.path("rotated_splits.parquet")),
         read_table(store.path("outlines.parquet")),

@@ -31,6 +31,7 @@ class Convolution(NamedTuple):
 
     @property
     def margin(self) -> int:
+        """Pixels of nothing around the image."""
         return 1 if self.doubles else self.kernels.shape[-1] // 2
 
     @property
@@ -79,6 +80,7 @@ def channels_of(net: UNet) -> int:
 
 
 def of(block: nn.Module, index: int, name: str) -> Convolution:
+    """The convolution at a place in a block."""
     assert isinstance(block, nn.Sequential)
     return Convolution(name, *parameters(block[index]))
 

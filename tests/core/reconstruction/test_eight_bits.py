@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from upath import UPath
 
 import tactile_core
+from benchmarks.precision import from_platform
 from tactile_core.dataset.outlines import trace_outlines
 from tactile_core.dataset.shapes import load_shapes
 from tactile_core.errors import TactileError
@@ -89,6 +90,14 @@ def test_eight_bits_that_were_not_measured_are_refused(unet):
 
 def test_small_nets_are_not_measured(unet):
     assert unet.eight_bits == {}
+
+
+def test_the_bench_compares_another_net_where_the_platform_s_is_small(unet, tmp_path, monkeypatch):
+    monkeypatch.delenv("DAGSTER_HOME", raising=False)
+    monkeypatch.setenv("TACTILE_HOME", str(tmp_path))
+    save_unet(unet, UPath(tmp_path / "artifacts" / "unet"))
+    with pytest.raises(TactileError, match="too small, or too old, for eight bits"):
+        from_platform()
 
 
 def test_the_first_convolution_stays_as_it_is_and_all_others_are_measured(measured):
