@@ -5,6 +5,7 @@ hardly tell from a few single pixels. Shapes that are remembered whole keep that
 (`UNetSettings.known_shapes`) and the policy `recall` use them.
 """
 
+import functools
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -66,13 +67,14 @@ def unpack(packed: np.ndarray, resolution: int) -> np.ndarray:
 class KnownShapes(nn.Module):
     """Shapes to recall, each in eight orientations: 8n in all.
 
-    Shapes and what was felt are compared at C·C cells in the middle half of the image.
+    Shapes and what was felt are compared at C·C cells in the middle half of the image. Every shape
+    is kept in its first orientation only: rather than the shapes, what was felt is turned.
 
-    masks : (n, R, R) bool, in the first orientation
+    masks : (n, R, R) bool
     models : (n,) str, whose masks they are; None where nobody asks
-    touch : (C², 8n), what a touch in each cell adds to each shape's log-likelihood
-    free : (8n, C²/4), what each pixel that was seen free adds, for cells in blocks of four
-    inside : (8n, C²), how much of each cell lies inside the shape, 0–1
+    touch : (C², n), what a touch in each cell adds to each shape's log-likelihood
+    free : (n, C²/4), what each pixel that was seen free adds, for cells in blocks of four
+    inside : (n, C²), how much of each cell lies inside the shape, 0–1
     """
 
     touch: Tensor
@@ -94,26 +96,28 @@ class KnownShapes(nn.Module):
         cross = ndimage.generate_binary_structure(2, 1)[None]
         outlines = covered & ~ndimage.binary_erosion(covered, cross)
         distance = np.stack([ndimage.distance_transform_edt(~outline) for outline in outlines])
-        share = coarse(every, functional.avg_pool2d).numpy()
-        touch = -((np.minimum(distance, farthest) / spread) ** 2) / 2
-        blocks = -functional.max_pool2d(-within[:, None], 2)[:, 0]
-        self.register_buffer("touch", oriented_by_cell(touch), persistent=False)
-        self.register_buffer("free", -FREE_PIXEL * oriented(blocks.numpy()), persistent=False)
-        self.register_buffer("inside", oriented(share), persistent=False)
+        share = coarse(every, functional.avg_pool2d)
+        touch = torch.from_numpy(-((np.minimum(distance, farthest) / spread) ** 2) / 2)
+        blocks = -functional.max_pool2d(-within[:, None], 2)
+        self.register_buffer("touch", touch.float().flatten(1).T.contiguous(), persistent=False)
+        self.register_buffer("free", -FREE_PIXEL * blocks.flatten(1), persistent=False)
+        self.register_buffer("inside", share.flatten(1), persistent=False)
 
     def weights(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
-        """How probable each shape is after what was felt, (N, 8n) float32; rows sum to 1.
+        """How probable each shape is after what was felt, (N, 8n) float32, orientation by
+        orientation; rows sum to 1.
 
         felt : (N, R, R), 1 at a touch, 0 where nothing is known, −1 where a ray has passed
         models : (N,) str; shapes of the model itself are not recalled
         """
-        touched = coarse((felt > 0).float()).flatten(1)  # (N, C²)
+        touched = turned_back(coarse((felt > 0).float()))  # (8N, C²)
         which, cells = touched.nonzero(as_tuple=True)  # (T,) each: every touch of every image
-        firsts = torch.searchsorted(which, torch.arange(len(felt), device=felt.device))
-        evidence = functional.embedding_bag(cells, self.touch, firsts, mode="sum")  # (N, 8n)
-        # Pixels seen free in each block of 2×2 cells, (N, 1, C/2, C/2).
-        passed = 4 * functional.avg_pool2d(coarse((felt < 0).float())[:, None], 2)
-        evidence = (evidence + passed.flatten(1).to(self.free.dtype) @ self.free.T).float()
+        firsts = torch.searchsorted(which, torch.arange(len(touched), device=felt.device))
+        evidence = functional.embedding_bag(cells, self.touch, firsts, mode="sum")  # (8N, n)
+        # Pixels seen free in each block of 2×2 cells, (N, C/2, C/2).
+        passed = 4 * functional.avg_pool2d(coarse((felt < 0).float()), 2)
+        evidence = (evidence + turned_back(passed).to(self.free.dtype) @ self.free.T).float()
+        evidence = evidence.reshape(len(felt), -1)  # (N, 8n)
         if models is not None:
             assert self.models is not None
             own = torch.from_numpy(models[:, None] == self.models).to(felt.device)  # (N, n)
@@ -123,10 +127,12 @@ class KnownShapes(nn.Module):
     def mean(self, felt: Tensor, models: np.ndarray | None = None) -> Tensor:
         """The mean of the shapes by their weights, (N, R, R) in 0–1; arguments as of `weights`."""
         resolution = felt.shape[-1]
-        inside = self.weights(felt, models).to(self.inside.dtype) @ self.inside  # (N, C²)
+        weights = self.weights(felt, models).to(self.inside.dtype)
+        inside = weights.reshape(-1, len(self.inside)) @ self.inside  # (8N, C²)
         side = int(inside.shape[1] ** 0.5)
+        mean = turned(inside.reshape(len(felt), ORIENTATIONS, -1), side).sum(dim=1)  # (N, C²)
         window = functional.interpolate(
-            inside.reshape(len(felt), 1, side, side), size=(resolution // 2,) * 2
+            mean.reshape(len(felt), 1, side, side), size=(resolution // 2,) * 2
         )
         return functional.pad(window[:, 0], [resolution // 4] * 4)
 
@@ -157,16 +163,22 @@ def coarse(images: Tensor, pool: Callable[..., Tensor] = functional.max_pool2d) 
     return pool(window, block)[:, 0]
 
 
-def oriented_by_cell(images: np.ndarray) -> Tensor:
-    """What `oriented` returns, transposed, (C², 8n): to turn an image is to take its cells in
-    another order, and rows are copied far faster than they are transposed."""
-    by_cell = np.ascontiguousarray(images.reshape(len(images), -1).T, dtype=np.float32)  # (C², n)
-    cells = np.arange(len(by_cell)).reshape(1, *images.shape[1:])
-    turned = [by_cell[orient(cells, turn).ravel()] for turn in range(ORIENTATIONS)]
-    return torch.from_numpy(np.concatenate(turned, axis=1))
+def turned_back(images: Tensor) -> Tensor:
+    """Images (N, C, C) as they look where a shape in each orientation is turned back to its first,
+    (8N, C²)."""
+    orders = cells_by_turn(images.shape[-1]).argsort(dim=1).to(images.device)  # (8, C²)
+    return images.flatten(1)[:, orders].flatten(0, 1)
 
 
-def oriented(images: np.ndarray) -> Tensor:
-    """Images (n, C, C) in all eight orientations, one after the other, (8n, C²) float32."""
-    every = [orient(images, turn).reshape(len(images), -1) for turn in range(ORIENTATIONS)]
-    return torch.from_numpy(np.concatenate(every).astype(np.float32))
+def turned(images: Tensor, side: int) -> Tensor:
+    """Images (N, 8, C²), each of the eight turned into its orientation."""
+    return images.gather(2, cells_by_turn(side).to(images.device).expand(images.shape))
+
+
+@functools.cache
+def cells_by_turn(side: int) -> Tensor:
+    """Which cell of C·C comes to lie in each cell of every orientation, (8, C²) int64."""
+    cells = np.arange(side * side).reshape(1, side, side)
+    return torch.from_numpy(
+        np.concatenate([orient(cells, turn).reshape(1, -1) for turn in range(ORIENTATIONS)])
+    )

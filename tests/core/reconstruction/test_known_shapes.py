@@ -13,9 +13,9 @@ from tactile_core.reconstruction.batches import ORIENTATIONS, felt_outlines, ori
 from tactile_core.reconstruction.known_shapes import (
     KnownShapes,
     coarse,
-    oriented,
-    oriented_by_cell,
     pack,
+    turned,
+    turned_back,
     unpack,
 )
 
@@ -54,9 +54,18 @@ def test_of_too_many_shapes_some_are_picked_evenly(monkeypatch):
     np.testing.assert_array_equal(unpack(pack(masks), 48), masks[::3])
 
 
-def test_cells_of_turned_shapes_are_the_same_however_they_are_laid_out():
-    images = np.random.default_rng(0).random((3, 6, 6))
-    np.testing.assert_array_equal(oriented_by_cell(images), oriented(images).T)
+def test_what_is_turned_and_turned_back_is_as_it_was():
+    images = torch.rand(3, 6, 6)
+    back = turned_back(images).reshape(3, ORIENTATIONS, -1)
+    np.testing.assert_array_equal(turned(back, 6), images.flatten(1)[:, None].expand(back.shape))
+
+
+def test_each_orientation_is_that_of_the_training_batches():
+    images = torch.rand(3, 6, 6)
+    every = turned(images.flatten(1)[:, None].expand(3, ORIENTATIONS, 36), 6)
+    for turn in range(ORIENTATIONS):
+        expected = orient(images.numpy(), turn).reshape(3, -1)
+        np.testing.assert_array_equal(every[:, turn], expected)
 
 
 def test_before_anything_is_felt_every_shape_is_as_probable(known):
