@@ -132,6 +132,8 @@ def cast_all(
     from tactile_core.figures.animation import rollout_gif
     from tactile_core.figures.rollouts import runs_figure, steps_figure
     from tactile_core.figures.style import png
+    from tactile_core.reconstruction.inference import Reconstructor
+    from tactile_core.reconstruction.unets import first_of
 
     seen = seen_by(unets) | trained_on(policies)
     refuse_known(test, seen, by_name=not prefix, remedy=REMEDY[bool(prefix)])
@@ -154,6 +156,7 @@ def cast_all(
         rays=len(table),
         samples=table["sample_id"].nunique(),
         policies=len(table[["policy", "seed"]].drop_duplicates()),
+        unet_runs_through=Reconstructor(first_of(unets)).runs,
         seconds=seconds_since(began),
     )
 

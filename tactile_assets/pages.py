@@ -62,8 +62,9 @@ def how_it_was_made(folder: Path) -> str:
         trained = "" if "TACTILE_SHAPENET" in about["command"] else ", trained on generated ones"
         samples += f", {about['real samples']} of real meshes{trained}"
     note = f" {about['note']}" if "note" in about else ""
+    cast = f" (rays cast through {about['rays cast']})" if "rays cast" in about else ""
     return (
-        f"`{about['command']}` at commit {about['commit']} on {about['machine']}, "
+        f"`{about['command']}` at commit {about['commit']} on {about['machine']}{cast}, "
         f"{about['started']}: {about['minutes']} minutes; {samples}.{note}"
     )
 

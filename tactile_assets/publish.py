@@ -18,7 +18,7 @@ from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
 from tactile_assets.pages import PICTURES, page, readme_part
 from tactile_assets.paths import REPOSITORY
-from tactile_assets.provenance import how_made, made_here, own_instance, whole_run
+from tactile_assets.provenance import how_made, latest, made_here, own_instance, whole_run
 from tactile_assets.resources import Store
 from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
@@ -112,6 +112,7 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
     with own_instance() as instance:
         run = whole_run(instance, [name for name in in_order(defs) if not name.startswith("real_")])
         made = how_made(instance, f"{list(evaluations)[-1]}_evaluation")
+        cast = latest(instance, "rollouts")[1].metadata
     variables = made.pop("variables")
     made.pop("choice", None)  # which each evaluation has its own of
     if variables != (now := made_here()["variables"]):
@@ -125,6 +126,8 @@ def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
         "started": f"{pd.Timestamp(run.start, unit='s'):%Y-%m-%d %H:%M} UTC",
         "minutes": round(run.seconds / 60, 1),
     }
+    if "unet_runs_through" in cast:  # not in those of before eight bits
+        facts["rays cast"] = cast["unet_runs_through"].value
     if "real_per_step" in evaluations:
         facts["real samples"] = int(evaluations["real_per_step"]["sample_id"].nunique())
     return facts

@@ -126,6 +126,7 @@ def test_a_run_is_published_with_the_command_commit_and_machine_that_made_it(
     assert "×" in about["machine"] and about["note"] == "On a warm day."
     assert len(pd.read_csv(elsewhere / "some" / "per_step.csv")) == 6
     assert "On a warm day." in page(elsewhere / "some")
+    assert re.search(r"rays cast through (OpenVINO|PyTorch) on ", page(elsewhere / "some"))
     found = pd.read_csv(elsewhere / "some" / "findings.csv").set_index("finding")
     per_step = pd.read_csv(elsewhere / "some" / "per_step_summary.csv").set_index("policy")
     assert found.loc["`random` after ten rays (Figure 4)", "ours"].startswith(
