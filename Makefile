@@ -39,11 +39,11 @@ chaos: install ## Kill runs at random moments and see that nothing is lost (an h
 ui: install ## Dagster's web interface in a browser, with the pictures of the last run
 	@$(ACTIVATE) && python -m tactile_assets.ui
 
-bench: install ## Measure the ratios that the README states into build/bench (four quiet minutes)
+bench: install ## Measure the ratios of docs/results/README.md into build/bench (five quiet minutes)
 	@$(ACTIVATE) && python -m benchmarks.bench
 
 docs: install ## Make the docs' site in build/site, strictly
-	@$(ACTIVATE) && NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict && echo "Open build/site/index.html"
+	@$(ACTIVATE) && NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict && echo "Open build/site/index.html"
 
 lint: install ## Check formatting, style and types
 	@$(ACTIVATE) && ruff format --check . && ruff check . && mypy

@@ -9,6 +9,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 REPOSITORY = Path(__file__).parents[1]
+NOTEBOOK = re.compile(r"\]\(\.\./notebooks/(\w+)\.py\)")
 PART = re.compile(r"<!-- (README|CONTRIBUTING): (.+) -->")
 
 
@@ -22,7 +23,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """The page, where `<!-- README: part -->` stands with that part of the README."""
+    """The page, where `<!-- README: part -->` stands with that part of the README; links to recipes
+    and notebooks, which are right in the repository, lead to their pages."""
+    markdown = markdown.replace("](../README.md#", "](extend.md#")
+    markdown = NOTEBOOK.sub(r"](notebooks/\1.md)", markdown)
     return PART.sub(lambda found: part_of(REPOSITORY / f"{found[1]}.md", found[2]), markdown)
 
 

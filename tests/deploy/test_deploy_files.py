@@ -83,6 +83,11 @@ def test_the_ui_is_for_this_machine_alone_and_nothing_else_is_open():
     assert ports == {"webserver": ["127.0.0.1:3000:3000"]}
 
 
+def test_what_the_users_env_file_sets_reaches_all_that_runs_the_platforms_code():
+    services = COMPOSE["services"].values()
+    assert all(service["env_file"] == ".env" for service in services if "build" in service)
+
+
 def test_every_secret_is_the_users_own():
     text = (DEPLOY / "compose.yaml").read_text()
     for name in ("TACTILE_POSTGRES_PASSWORD", "RAY_AUTH_TOKEN"):
