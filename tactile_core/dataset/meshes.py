@@ -19,11 +19,12 @@ from tactile_core.addresses import full, one_line
 from tactile_core.dataset.geometry import geometry_hash
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
 from tactile_core.dataset.sources.archives import path_of, read_member, safe_members
-from tactile_core.dataset.sources.folders import as_local, as_path, read_file, walk
+from tactile_core.dataset.sources.folders import as_local, as_path, parts_below, read_file, walk
 from tactile_core.dataset.sources.layouts import (
     SUFFIXES,
     MeshFile,
     find_models,
+    hidden,
     with_unique_ids,
 )
 from tactile_core.dataset.sources.parsing import parse_mesh
@@ -33,6 +34,7 @@ from tactile_core.dataset.sources.places import (
     is_address,
     is_http,
     open_place,
+    own_folders,
     with_classes,
 )
 from tactile_core.errors import TactileError, spelt
@@ -79,6 +81,7 @@ def collect_meshes(
     Raises `TactileError` where a class is found nowhere, has an archive that is damaged or
     refused, or keeps no usable mesh.
     """
+    _check_not_among_them(settings, root)
     settings = with_classes(settings)
     _check_apart(settings, root)
     with contextlib.ExitStack() as stack:
@@ -107,6 +110,7 @@ def _find_meshes(
     Archives stay open until `stack` closes.
     """
     places = find_places(settings)
+    _check_sums(settings, places)
     meshes = _generated(settings, {place.category for place in places})
     sources = []
     for place in places:
@@ -127,6 +131,18 @@ def _find_meshes(
             )
     kept = [m for name in sorted(by_class) for m in by_class[name][: settings.models_per_class]]
     return kept, sources
+
+
+def _check_sums(settings: MeshSettings, places: list[Place]) -> None:
+    """Raises `TactileError` where a checksum is given for what is no archive."""
+    found = {place.category: place for place in places}
+    for category in settings.sha256:
+        if category not in found or found[category].folder is not None:
+            what = f"{found[category]} is a folder" if category in found else "it is generated"
+            raise TactileError(
+                f"sha256 of class {category!r} cannot be looked at, as {what}: give the class's "
+                "archive, or take it out of sha256"
+            )
 
 
 def _generated(settings: MeshSettings, elsewhere: set[str]) -> list[MeshFile]:
@@ -175,7 +191,9 @@ def _models_at(
         readers = {name: partial(read_member, archive, info) for name, info in members.items()}
         everything = [path_of(member) for member in archive.infolist()]
     try:
-        models, left_out = find_models(readers, place.category, place.synset, source, everything)
+        models, left_out = find_models(
+            readers, place.category, place.synset, source, everything, place.is_own_folder
+        )
     except TactileError as error:
         raise TactileError(f"class {place.category!r}: {place} {error}") from error
     if place.folder is not None:
@@ -272,6 +290,20 @@ def _check_apart(settings: MeshSettings, root: UPath) -> None:
             raise TactileError(f"{setting} lies where meshes are stored ({root}): move it away")
 
 
+def _check_not_among_them(settings: MeshSettings, root: UPath) -> None:
+    """Meshes that are stored in a folder of meshes would be found there by the next run."""
+    folders = [place.folder for place in find_places(with_classes(settings)) if place.folder]
+    if settings.classes is None and settings.location and own_folders(full(settings.location)):
+        folders.append(as_path(full(settings.location)))
+    for folder in folders:
+        between = parts_below(root, folder)
+        if between is not None and not hidden(between):
+            raise TactileError(
+                f"{root}, where meshes are stored, lies among the meshes of {folder}: let "
+                "TACTILE_STORE name another folder, or TACTILE_HOME where that is not set"
+            )
+
+
 def _present(root: UPath) -> dict[str, int]:
     """Mesh files that lie under `root` already: path → length in bytes."""
     if not root.exists():
@@ -282,7 +314,8 @@ def _present(root: UPath) -> dict[str, int]:
 
 def _remove(root: UPath, file: str) -> None:
     """Remove a mesh that is no longer listed, and the folders that it leaves empty."""
-    (root / file).unlink()
+    path = root / file
+    path.fs.rm_file(path.path)  # `unlink` takes brackets in a name of an object for a pattern
     local = as_local(root)
     if local is not None:
         with contextlib.suppress(OSError):  # not empty

@@ -4,6 +4,7 @@
 it (`<name>.json`) tells later whether the source still holds the same file.
 """
 
+import errno
 import hashlib
 import json
 import re
@@ -19,9 +20,14 @@ from tactile_core.addresses import one_line, shown
 from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.files import content_hash
 
+FULL = (errno.ENOSPC, errno.EDQUOT)
 PIECE = 1 << 16  # bytes read at a time; a broken download loses less than one piece
 # What changes with the bytes; what changes whenever they are written, be they the same ones.
-VERSION_KEYS = ("ETag", "etag", "md5Hash"), ("LastModified", "last_modified", "updated", "mtime")
+VERSION_KEYS = (
+    ("ETag", "etag", "md5Hash"),
+    # The last is FTP's.
+    ("LastModified", "last_modified", "updated", "mtime", "modified", "modify"),
+)
 
 
 def cache_path(address: str, folder: Path) -> Path:
@@ -71,8 +77,9 @@ def copy_object(source: UPath, folder: Path, progress: Callable[[str], None]) ->
     with FileLock(f"{target}.lock"):
         try:
             info = source.fs.info(source.path)
-            record = {"version": object_version(info), "length": str(info["size"])}
-            if read_record(target) == record:
+            version = object_version(info)
+            record = {"version": version or "", "length": str(info["size"])}
+            if version and read_record(target) == record:
                 return target
             part = part_of(target)
             reporter = Reporter(target.name, info["size"], progress)
@@ -82,6 +89,8 @@ def copy_object(source: UPath, folder: Path, progress: Callable[[str], None]) ->
                     reporter.at(file.tell())
                 size = file.tell()
         except Exception as error:  # every fsspec file system has errors of its own
+            if isinstance(error, OSError) and error.errno in FULL:
+                raise TactileError(f"{folder} is full: make room there, then run again") from None
             raise failure(error)(
                 f"{shown(str(source))} cannot be copied ({one_line(error)}): look at the address "
                 "and the network, then run again"
@@ -101,13 +110,17 @@ def failure(error: Exception) -> type[TactileError]:
     return TactileError if lasting else OutOfReachError
 
 
-def object_version(info: dict) -> str:
-    """What tells two versions of a file apart, from its fsspec `info`: length and ETag, or time."""
+def object_version(info: dict) -> str | None:
+    """What tells two versions of a file apart, from its fsspec `info`: length and ETag, or time.
+
+    None where its file system tells neither: a length alone may be that of another version.
+    """
     for keys in VERSION_KEYS:
         if known := {key: str(info[key]) for key in keys if info.get(key) is not None}:
             return repr((info.get("size"), known))
     # Only file systems with none of these, as fsspec's memory, need the time of creation.
-    return repr((info.get("size"), str(info.get("created"))))
+    created = info.get("created")
+    return None if created is None else repr((info.get("size"), str(created)))
 
 
 def file_sha256(path: Path) -> str:

@@ -42,6 +42,18 @@ def as_local(path: UPath) -> Path | None:
     return Path(path.path) if is_local(path) else None
 
 
+def parts_below(path: UPath, folder: UPath) -> tuple[str, ...] | None:
+    """The parts of `path` below `folder`; None where it does not lie there."""
+    local, local_folder = as_local(path), as_local(folder)
+    if local is not None and local_folder is not None:
+        own, above = local.resolve().parts, local_folder.resolve().parts
+    elif local is None and local_folder is None and path.protocol == folder.protocol:
+        own, above = (tuple(p.path.strip("/").split("/")) for p in (path, folder))
+    else:
+        return None
+    return own[len(above) :] if own[: len(above)] == above else None
+
+
 def walk(folder: UPath) -> Listing:
     """Every regular file below `folder`, and what else is there.
 
@@ -56,6 +68,8 @@ def walk(folder: UPath) -> Listing:
         raise TactileError(f"{shown(str(folder))} cannot be listed: {one_line(error)}") from None
     start = len(folder.path.rstrip("/")) + 1
     files = {path[start:]: info for path, info in sorted(found.items())}
+    # An object that is called as the folder, or ends in a slash, stands for a folder itself.
+    files = {path: info for path, info in files.items() if path and not path.endswith("/")}
     odd = {p: "is no regular file" for p, info in files.items() if info.get("type") != "file"}
     return Listing({path: info for path, info in files.items() if path not in odd}, odd)
 

@@ -5,6 +5,7 @@ both under a folder `<synset>/` or none; other meshes in a model's folder are fu
 the same object. Every other mesh file is a model, and its name is its id.
 """
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -17,7 +18,7 @@ from tactile_core.errors import ODD, TactileError
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 SHAPENET_FILES = ("model_normalized.obj", "model.obj")  # v2, v1; v2 where a model has both
 INNER = ("models", "meshes")  # folders of v2 and of scans between a model and its file
-SYNSET = re.compile(r"0\d{7}")  # of all that ShapeNet has; no date of eight digits begins so
+SYNSET = re.compile(r"0[234]\d{6}")  # of all that ShapeNet has; numbered models begin with 00
 ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst", ".7z", ".rar")
 OTHER_FORMATS = (".gltf", ".dae", ".fbx", ".3ds", ".wrl", ".x3d", ".blend", ".step", ".stp",
                  ".usd", ".usda", ".usdc", ".usdz", ".3mf", ".ctm", ".vtk", ".max")  # fmt: skip
@@ -53,17 +54,19 @@ def find_models(
     synset: str,
     source: str,
     others: Collection[str] = (),
+    own_folder: bool = False,
 ) -> Found:
     """The models among the files of one class, given as relative path → how to read it.
 
     others : paths of all files, be they meshes or not, which may tell why there are so few; an
         archive may hold one several times, of which the last is read
+    own_folder : whether all files are of the class, whatever their folders are called
 
     Hidden files are none. Raises `TactileError` where there are several synsets, or another than
     that of the class: none is taken for the class in silence.
     """
     everything = {name: PurePosixPath(name).parts for name in sorted({*readers, *others})}
-    everything = {name: parts for name, parts in everything.items() if not _hidden(parts)}
+    everything = {name: parts for name, parts in everything.items() if not hidden(parts)}
     odd = [name for name in everything if ODD.search(name)]
     parts = {
         n: p for n, p in everything.items() if n in readers and _ends(n, SUFFIXES) and n not in odd
@@ -78,7 +81,7 @@ def find_models(
     found["of a name that comes again, and is read where it comes last"] = [
         name for name in again if name in parts
     ]
-    own = _of_synset(parts, synset)
+    own = parts if own_folder else _of_synset(parts, synset)
     if strange := [name for name in parts if name not in own]:
         found["of other synsets"] = strange
     parts = own
@@ -98,9 +101,9 @@ def find_models(
         model(name, above, model_id, "/".join(parts[name][len(above) :]))
         for (*above, model_id), name in shapenet.items()
     ]
-    further = []
+    further, taken = [], set(shapenet.values())
     for name, path in parts.items():
-        if name in shapenet.values():
+        if name in taken:
             continue
         if any(path[:depth] in shapenet for depth in range(1, len(path))):
             further.append(name)
@@ -114,20 +117,23 @@ def find_models(
 
 
 def with_unique_ids(meshes: Iterable[MeshFile]) -> list[MeshFile]:
-    """The same meshes, those that share a model id renamed by class and folder, then file type.
+    """The same meshes, those that share a model id renamed by class and folder, then by file type,
+    then by number.
 
-    Ids are unique over all classes, for samples are known by them from here on. Raises
-    `TactileError` where two meshes still share one.
+    Ids are unique over all classes, for samples are known by them from here on.
     """
     renamed = list(meshes)
     for longer in (_id_with_class, _id_with_suffix):
         counts = Counter(mesh.model_id for mesh in renamed)
         renamed = [_renamed(m, longer(m)) if counts[m.model_id] > 1 else m for m in renamed]
-    counts = Counter(mesh.model_id for mesh in renamed)
-    if shared := sorted(model_id for model_id, count in counts.items() if count > 1):
-        raise TactileError(
-            f"{counts[shared[0]]} meshes would all be called {shared[0]!r}: rename their files"
-        )
+    taken = {mesh.model_id for mesh in renamed}
+    seen: set[str] = set()
+    for place, mesh in enumerate(renamed):
+        if mesh.model_id in seen:
+            numbers = (f"{mesh.model_id}-{number}" for number in itertools.count(2))
+            renamed[place] = _renamed(mesh, next(name for name in numbers if name not in taken))
+        seen.add(renamed[place].model_id)
+        taken.add(renamed[place].model_id)
     return renamed
 
 
@@ -157,7 +163,8 @@ def _ends(name: str, suffixes: tuple[str, ...]) -> bool:
     return name.lower().endswith(suffixes)
 
 
-def _hidden(parts: tuple[str, ...]) -> bool:
+def hidden(parts: tuple[str, ...]) -> bool:
+    """Whether a path is not for its user: of a folder or file that a system keeps there."""
     return any(part.startswith(".") or part == "__MACOSX" for part in parts)
 
 

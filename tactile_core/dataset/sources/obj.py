@@ -11,7 +11,7 @@ import re
 
 import numpy as np
 
-from tactile_core.dataset.sources.polygons import fans
+from tactile_core.dataset.sources.polygons import triangles
 from tactile_core.dataset.sources.text import (
     NEWLINE,
     SPACE,
@@ -28,6 +28,7 @@ COMMENT = re.compile(rb"#(?:(?<!\d\.#)|(?!QNAN|SNAN|IND|INF))[^\n]*")
 CONTINUED = re.compile(rb"^ *[vVfF](?=[ \\])(?:[^\n]*\\\n)+", flags=re.MULTILINE)
 # Statements that hold geometry of other kinds: free-form surfaces, other files, and old patches.
 UNREAD = (b"surf", b"call", b"fo", b"bsp", b"bzp", b"cdc", b"cdp")
+NONE = np.empty(0, dtype=np.int64)
 SMALL = 0x20  # the bit by which small letters differ from capitals
 UNREAD_BEGIN = [word[0] << 8 | word[1] for word in UNREAD]
 
@@ -35,27 +36,30 @@ UNREAD_BEGIN = [word[0] << 8 | word[1] for word in UNREAD]
 def read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     """The vertices (V, 3) float64 and triangles (F, 3) int64 of an OBJ file's bytes.
 
-    Polygons become fans of triangles; faces of fewer than three corners are left out. Raises
+    Polygons are cut into triangles; faces of fewer than three corners are left out. Raises
     `TactileError` with a reason that does not name the file. Whether the vertices are finite is
     not looked at.
     """
     text = as_ascii(data).removesuffix(b"\0")
-    vertices, faces, read_so_far = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    vertices, counts, corners, read_so_far = [np.empty((0, 3))], [NONE], [NONE], 0
     if b"f" not in text and b"F" not in text:  # whatever else there is
-        return vertices[0], faces[0]
+        return vertices[0], NONE.reshape(0, 3)
     for piece in portions(text):
-        piece_vertices, piece_faces = _read_portion(piece, read_so_far)
+        piece_vertices, piece_counts, piece_corners = _read_portion(piece, read_so_far)
         vertices.append(piece_vertices)
-        faces.append(piece_faces)
+        counts.append(piece_counts)
+        corners.append(piece_corners)
         read_so_far += len(piece_vertices)
-    all_faces = np.concatenate(faces)
-    if len(all_faces) and (all_faces.min() < 0 or all_faces.max() >= read_so_far):
+    all_vertices = np.concatenate(vertices)
+    faces = triangles(all_vertices, np.concatenate(counts), np.concatenate(corners))
+    if len(faces) and (faces.min() < 0 or faces.max() >= read_so_far):
         raise TactileError(f"has a face with a vertex that does not exist (of {read_so_far})")
-    return np.concatenate(vertices), all_faces
+    return all_vertices, faces
 
 
-def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (v, 3) and triangles (f, 3) of some lines, `read_so_far` vertices before them."""
+def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices (v, 3), each face's number of corners (f,) and all corners (c,) of some lines,
+    `read_so_far` vertices before them."""
     letters = _letters(text)
     ends = np.flatnonzero(letters == NEWLINE)
     begins = np.concatenate([[0], ends[:-1] + 1])
@@ -66,7 +70,7 @@ def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray
     letters[begins] = SPACE  # what is left of these lines is numbers
     lengths = ends + 1 - begins
 
-    vertices, faces = np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    vertices, counts_of_faces, corners = np.empty((0, 3)), NONE, NONE
     if vertex_lines.any():
         lines = letters[np.repeat(vertex_lines, lengths)].tobytes()
         counts, coordinates = numbers(lines, "vertex")
@@ -79,14 +83,14 @@ def _read_portion(text: bytes, read_so_far: int) -> tuple[np.ndarray, np.ndarray
         _check_last_line(text)
         if b"/" in lines:  # vertex/texture/normal
             lines = re.sub(rb"/\S*", b"", lines)
-        counts, corners = numbers(lines, "face", np.int64)
+        counts_of_faces, corners = numbers(lines, "face", np.int64)
         corners = whole(corners)
         if (corners == 0).any():
             raise TactileError("has a face with a vertex that does not exist (OBJ counts from 1)")
         # OBJ counts from 1, or back from the last vertex read so far.
-        before = np.repeat(read_so_far + np.cumsum(vertex_lines)[face_lines], counts)
-        faces = fans(counts, np.where(corners > 0, corners - 1, corners + before))
-    return vertices, faces
+        before = np.repeat(read_so_far + np.cumsum(vertex_lines)[face_lines], counts_of_faces)
+        corners = np.where(corners > 0, corners - 1, corners + before)
+    return vertices, counts_of_faces, corners
 
 
 def _letters(text: bytes) -> np.ndarray:

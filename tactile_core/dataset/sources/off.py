@@ -6,7 +6,7 @@ from array import array
 import numpy as np
 
 from tactile_core.dataset.sources.elements import Element, Property, by_words
-from tactile_core.dataset.sources.polygons import check_number, fans
+from tactile_core.dataset.sources.polygons import check_number, triangles
 from tactile_core.dataset.sources.text import as_ascii, gathered, rows, starts, whole
 from tactile_core.errors import TactileError
 
@@ -32,16 +32,21 @@ def read_off(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     body = data[header.end() :]
     flags = tuple(bool(part) for part in header.groups()[:4])
     if header[6]:
-        vertices, faces = _binary(body, flags)
+        vertices, counts, corners = _binary(body, flags)
     else:
-        vertices, faces = _text(COMMENT.sub(b"", body), flags)
+        vertices, counts, corners = _text(COMMENT.sub(b"", body), flags)
+    vertices = vertices.astype(np.float64)
     if header[4]:  # homogeneous
         with np.errstate(divide="ignore", invalid="ignore"):
-            vertices = vertices / vertices[:, 3:]
-    return vertices[:, :3], faces
+            vertices = vertices / vertices[:, 3:4]
+    return vertices[:, :3], triangles(vertices[:, :3], counts, corners)
 
 
-def _text(body: bytes, flags: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
+# Vertices (V, 3) or wider, each face's number of corners (f,) and all corners (c,).
+Read = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _text(body: bytes, flags: tuple[bool, ...]) -> Read:
     """Each vertex and face has a line of its own and, where that does not go up, all the numbers
     that it needs."""
     counts, values = rows(body, "line")
@@ -69,13 +74,13 @@ def _text(body: bytes, flags: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]
                 continue
             corners = table["face"]["corners"]
             vertices = np.stack([table["vertex"][str(k)].values for k in range(width)], axis=1)
-            return vertices, fans(corners.counts, whole(corners.values))
+            return vertices, corners.counts, whole(corners.values)
         raise error from None
 
 
 def _by_lines(
     counts: np.ndarray, values: np.ndarray, announced: int, faces_announced: int, width: int
-) -> tuple[np.ndarray, np.ndarray]:
+) -> Read:
     if counts[0] not in (2, 3):
         raise TactileError("cannot be read as OFF (its header has no number of vertices and faces)")
     check_number(min(faces_announced, len(counts)))
@@ -98,10 +103,10 @@ def _by_lines(
         raise _missing(len(at) - len(broken), faces_announced, "faces")
     if more := len(counts) - last:
         raise TactileError(f"has more lines than its header announces ({more} of them)")
-    return vertices, fans(corners, whole(gathered(values, at + 1, corners)))
+    return vertices, corners, whole(gathered(values, at + 1, corners))
 
 
-def _binary(body: bytes, flags: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _binary(body: bytes, flags: tuple[bool, ...]) -> Read:
     """Big-endian: three counts, the vertices as floats, each face with its colours after it."""
     announced, faces_announced, _ = (int(count) for count in np.frombuffer(body, ">i4", 3))
     _check_announced(announced, faces_announced)
@@ -127,7 +132,7 @@ def _binary(body: bytes, flags: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarra
         at = colours + 1 + max(0, int(words[colours]))
     counts = np.array(lengths, dtype=np.int64)
     corners_of_all = gathered(words, np.array(begins, dtype=np.int64), counts)
-    return vertices.astype(np.float64), fans(counts, whole(corners_of_all))
+    return vertices, counts, whole(corners_of_all)
 
 
 def _check_announced(vertices: int, faces: int) -> None:

@@ -16,6 +16,8 @@ from tactile_core.dataset.sources.strangers import stranger
 from tactile_core.errors import DamagedError, TactileError
 from tactile_core.files import content_hash
 
+# Of the farthest coordinate: a mesh that is no larger is what rounding has left of one.
+ROUNDED = 1e-13
 READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off, ".glb": read_glb}
 
 
@@ -80,8 +82,10 @@ def _normalised(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
         raise TactileError("has a vertex that is not a finite number")
     with np.errstate(over="ignore"):
         diagonal = np.linalg.norm(np.ptp(vertices, axis=0))
-    if not 0 < diagonal < np.inf:
-        raise TactileError("has no extent" if diagonal == 0 else "is too large to measure")
+    if not diagonal < np.inf:
+        raise TactileError("is too large to measure")
+    if diagonal <= ROUNDED * np.abs(vertices).max():
+        raise TactileError("has no extent")
     vertices, faces = _used(vertices, without_unseen(vertices, faces))
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     vertices = (vertices - (low + high) / 2) / np.linalg.norm(high - low)

@@ -21,11 +21,15 @@ from tactile_core.dataset.sources.answers import MissingFileError
 from tactile_core.dataset.sources.archives import open_archive
 from tactile_core.dataset.sources.cache import copy_object, failure, forget, object_version
 from tactile_core.dataset.sources.download import download, remote_version, verify_sha256
-from tactile_core.dataset.sources.folders import as_local, as_path, walk
-from tactile_core.dataset.sources.layouts import SUFFIXES
+from tactile_core.dataset.sources.folders import OUT, as_local, as_path, walk
+from tactile_core.dataset.sources.layouts import SUFFIXES, SYNSET, hidden
 from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.files import content_hash
 from tactile_core.settings import SHAPENET_CLASSES, MeshSettings
+
+NO_CLASSES = {"lost+found"}  # which every disk has, for its administrator alone
+# Of a class: what stands in paths, tables and messages as it is.
+NAME = re.compile(r"[\w(-][\w .,()+&'=@~-]*")
 
 
 class MissingClassError(OutOfReachError):
@@ -45,17 +49,47 @@ def with_classes(settings: MeshSettings) -> MeshSettings:
 
 
 def own_classes(location: str) -> dict[str, str]:
-    """The classes that a user's own folders are; none where there is nothing to be listed."""
-    if is_http(address := full(location)) or _kind(root := as_path(address)) != "folder":
+    """The classes that a user's own folders are; none where there is nothing to be listed.
+
+    Raises `TactileError` where the location, or a folder in it, cannot be read: without a word a
+    class would be missing.
+    """
+    address = full(location)
+    if not own_folders(address):
         return {}
-    synsets = SHAPENET_CLASSES.values()
-    if any(_kind(root / name) for synset in synsets for name in (synset, f"{synset}.zip")):
-        return {}  # ShapeNet itself, whose million files are not to be listed
-    parts = [PurePosixPath(name).parts for name in walk(root).files]
-    meshes = [p for p in parts if p[-1].lower().endswith(SUFFIXES) and not p[0].startswith(".")]
+    root = as_path(address)
+    files, left_out = walk(root)
+    parts = [PurePosixPath(name).parts for name in files]
+    meshes = [p for p in parts if p[-1].lower().endswith(SUFFIXES) and not hidden(p)]
     if any(len(names) == 1 for names in meshes):
-        return {root.name: location if is_address(location) else f"./{location}"}
-    return {name: SHAPENET_CLASSES.get(name, name) for name in sorted({p[0] for p in meshes})}
+        return {_name_of(root): location if is_address(location) else f"./{location}"}
+    names = {names[0] for names in meshes}
+    for name, why in left_out.items():
+        top, *below = PurePosixPath(name).parts or (".",)
+        if not name.endswith("/") or below or (hidden((top,)) and top != ".") or top in NO_CLASSES:
+            continue
+        if why == OUT:  # where it leads to is the class itself, as if it had been named
+            names |= {top} if walk(root / top).files else set()
+        else:
+            place = root if top == "." else root / top
+            raise TactileError(f"{shown(str(place))} {why}: make it readable, or move it away")
+    return {name: SHAPENET_CLASSES.get(name, name) for name in sorted(names)}
+
+
+def own_folders(address: str) -> bool:
+    """Whether a location's folders are looked at for classes that nobody named: not over http, and
+    not ShapeNet itself, whose million files are not to be listed."""
+    if is_http(address) or _kind(root := as_path(address)) != "folder":
+        return False
+    synsets = SHAPENET_CLASSES.values()
+    return not any(_kind(root / n) for synset in synsets for n in (synset, f"{synset}.zip"))
+
+
+def _name_of(root: UPath) -> str:
+    """What a folder of loose meshes is called, as a class."""
+    local = as_local(root)
+    path = str(local.resolve()) if local is not None else root.path
+    return path.rstrip("/").rpartition("/")[2] or "meshes"
 
 
 @dataclass(frozen=True)
@@ -68,6 +102,13 @@ class Place:
     url: str | None = field(default=None, repr=False)
     archive: UPath | None = field(default=None, repr=False)
     folder: UPath | None = field(default=None, repr=False)
+
+    @property
+    def is_own_folder(self) -> bool:
+        """Whether it is a folder called as the class, with whatever folders its user made."""
+        if self.folder is None or not self.synset:
+            return False
+        return not SYNSET.fullmatch(self.folder.name)
 
     def __str__(self) -> str:
         return shown(self.url or str(self.archive or self.folder))
@@ -163,17 +204,17 @@ def source_fingerprint(settings: MeshSettings) -> Fingerprint:
                 versions[category] = content_hash(version)
             else:
                 unwatched.append(
-                    f"{place} is not watched: its server tells neither ETag nor Last-Modified"
+                    f"{place} is not watched: its server tells neither an ETag nor a time"
                 )
     return Fingerprint(versions, tuple(unwatched))
 
 
 def _check_names(category: str, value: str) -> None:
     for name in (category, category if is_address(value) else value):
-        if not re.fullmatch(r"[\w-][\w. -]*", name):
+        if not NAME.fullmatch(name):
             raise TactileError(
-                f"classes: {shown(name)!r} cannot name a class or synset: use letters, digits, '_' "
-                "and '-' (an archive's address has a '/' or ends in .zip)"
+                f"{shown(name)!r} cannot name a class or synset, nor its folder: use "
+                "letters, digits, '_' and '-' (an archive's address has a '/' or ends in .zip)"
             )
 
 
@@ -225,7 +266,10 @@ def _place_at(location: str, category: str, synset: str) -> Place:
 def _other_archives(root: UPath, *names: str) -> list[str]:
     """Up to three files in `root` that are called as a class is, as `02876657.tar.gz`."""
     starts = tuple(f"{name}." for name in names)
-    found = sorted(path.name for path in root.iterdir() if path.name.startswith(starts))
+    try:
+        found = sorted(path.name for path in root.iterdir() if path.name.startswith(starts))
+    except Exception as error:  # every fsspec file system has errors of its own
+        raise failure(error)(f"{shown(str(root))} cannot be listed: {one_line(error)}") from None
     return found[:3]
 
 
@@ -248,6 +292,7 @@ def _version(place: Place) -> object:
         files = walk(place.folder).files
         if not files:  # as a disk that is not mounted
             raise MissingClassError(f"class {place.category!r} is missing: {place} is empty")
-        return [(name, object_version(info)) for name, info in files.items()]
+        versions = [(name, object_version(info)) for name, info in files.items()]
+        return None if any(version is None for _, version in versions) else versions
     assert place.archive is not None
     return object_version(place.archive.fs.info(place.archive.path))

@@ -15,7 +15,7 @@ from tactile_core.dataset.sources.elements import (
     by_words,
     missing,
 )
-from tactile_core.dataset.sources.polygons import check_number, fans, strips
+from tactile_core.dataset.sources.polygons import check_number, strips, triangles
 from tactile_core.dataset.sources.text import as_ascii, gathered, rows, starts, whole
 from tactile_core.errors import TactileError
 
@@ -58,13 +58,13 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
         xyz = [table["vertex"][axis].values for axis in "xyz"]
         vertices = np.stack(xyz, axis=1).astype(np.float64)
     faces = [np.empty((0, 3), dtype=np.int64)]
-    for name, triangles in (("face", fans), ("tristrips", _strips)):
+    for name, cut in (("face", triangles), ("tristrips", _strips)):
         if name in table and (element := table[name]):
             corners = next((element[c] for c in CORNERS if c in element), None)
             if corners is None:
                 raise TactileError(f"has {WHAT[name]} without vertex_indices")
             if len(corners.counts):
-                faces.append(triangles(corners.counts, whole(corners.values)))
+                faces.append(cut(vertices, corners.counts, whole(corners.values)))
     known = {"vertex", "face", "tristrips", "edge"}
     lists = [e.name for e in elements if e.lists]
     others = [name for name in lists if name not in known]
@@ -73,7 +73,7 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.concatenate(faces)
 
 
-def _strips(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def _strips(vertices: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Several strips as one: each ends in -1."""
     return strips(np.insert(corners, np.cumsum(counts), -1))
 

@@ -55,7 +55,7 @@ def _at_one_side(
             lows[axis] < low[axis] + FAR * length,
             highs[axis] > high[axis] - FAR * length,
         ):
-            if areas[outside].sum() < most:
+            if outside.any() and areas[outside].sum() < most:
                 return outside
     return None
 

@@ -1,5 +1,6 @@
 """Downloads from real servers on loopback: resumed, verified, cached, and refused clearly."""
 
+import errno
 import hashlib
 import os
 import traceback
@@ -14,9 +15,9 @@ from upath import UPath
 from tactile_core.dataset.sources import answers
 from tactile_core.dataset.sources import download as download_module
 from tactile_core.dataset.sources.answers import HuggingFaceToken, MissingFileError
-from tactile_core.dataset.sources.cache import PIECE, copy_object
+from tactile_core.dataset.sources.cache import PIECE, Reporter, copy_object, object_version
 from tactile_core.dataset.sources.download import download, remote_version
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 
 BODY = os.urandom(3 << 20)
 
@@ -321,3 +322,31 @@ def test_an_object_of_a_store_is_copied_once_and_again_when_it_changes(tmp_path)
     assert said == []
     source.write_bytes(b"new")
     assert copy_object(source, tmp_path, said.append).read_bytes() == b"new"
+
+
+def test_where_a_file_system_tells_no_time_an_object_is_copied_each_time(tmp_path, monkeypatch):
+    source = UPath("memory://bucket/b.zip")
+    told = type(source.fs).info
+    monkeypatch.setattr(
+        type(source.fs), "info", lambda *args, **rest: {**told(*args, **rest), "created": None}
+    )
+    for data in (b"old", b"new"):
+        source.write_bytes(data)
+        assert copy_object(source, tmp_path, print).read_bytes() == data
+    assert object_version({"size": 3, "created": None}) is None
+    assert object_version({"size": 3, "modify": "20261129"}) != object_version(
+        {"size": 3, "modify": "20261130"}
+    )
+
+
+def test_a_full_disk_is_no_fault_of_the_network(tmp_path, monkeypatch):
+    source = UPath("memory://bucket/c.zip")
+    source.write_bytes(BODY)
+
+    def full(*args):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Reporter, "at", full)  # told after each piece that was written
+    with pytest.raises(TactileError, match="is full: make room there") as caught:
+        copy_object(source, tmp_path, print)
+    assert not isinstance(caught.value, OutOfReachError)

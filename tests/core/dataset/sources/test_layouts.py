@@ -159,11 +159,19 @@ def test_equal_shapenet_ids_in_two_classes_are_kept_apart(collect, tmp_path):
     assert manifest["file"].tolist() == [f"{BOTTLE}/bottle-a/{V2}", f"{MUG}/mug-a/{V2}"]
 
 
-def test_names_that_cannot_be_made_unique_are_told(collect, tmp_path):
-    make_folder(tmp_path / "source/mug", {"a-b.obj": obj(), "a/b.obj": obj(), "c/b.obj": obj()})
+def test_names_that_are_still_the_same_are_numbered(collect, root, tmp_path):
+    make_folder(tmp_path / "source/mug", {
+        "a-b.obj": obj(), "a/b.obj": obj(2), "c/b.obj": obj(3), "d.obj": obj(4), "d.OBJ": obj(5),
+        "e/model.obj": obj(6), "e.obj": obj(7),
+    })  # fmt: skip
     make_folder(tmp_path / "source/bottle", {"a-b.obj": obj()})
-    message = refusal(collect, classes={"mug": MUG, "bottle": BOTTLE})
-    assert "2 meshes would all be called 'mug-a-b-obj'" in message
+    manifest = collect(classes={"mug": MUG, "bottle": BOTTLE})
+    assert manifest["model_id"].tolist() == [
+        "bottle-a-b", "mug-a-b-obj", "mug-a-b-obj-2", "mug-c-b", "mug-d-obj", "mug-d-obj-2",
+        "mug-e-obj", "mug-e-obj-2",
+    ]  # fmt: skip
+    assert manifest["content_hash"].nunique() == 7 and (manifest["status"] == "ok").all()
+    assert files_under(root) == sorted(manifest["file"])
 
 
 def test_a_class_with_an_archive_or_folder_of_its_own_needs_no_location(collect, tmp_path):
