@@ -1,7 +1,8 @@
 """A place in an object store that one process at a time may work in, whatever machine it is on.
 
 No system holds a lock there, that ends with the process. So an object says who works, is written
-anew while that goes on, and counts no longer once it has stayed the same for `ENDS`.
+anew while that goes on, and counts no longer once it has stayed the same for `ENDS`, or for
+`UNKNOWN` where its process is gone from this machine.
 """
 
 import _thread
@@ -22,6 +23,8 @@ from tactile_core.processes import Worker
 
 RENEWED = 15.0  # seconds between two writings
 ENDS = 120.0  # seconds without one
+# Seconds without one where no such process is found on this machine: another may have its name.
+UNKNOWN = 40.0
 SETTLED = 2.0  # seconds until nobody takes away the new claim in place of a dead one before it
 POLL = 2.0  # seconds
 
@@ -86,7 +89,7 @@ def _take(lock: UPath, claim: Claim, waits: Callable[[str], None]) -> Claim:
             continue
         if holder != seen:
             seen, since = holder, time.monotonic()
-        if holder.worker.is_gone() or time.monotonic() - since > ENDS:
+        if time.monotonic() - since > (UNKNOWN if holder.worker.is_gone() else ENDS):
             if _holder(lock) == holder:
                 lock.unlink(missing_ok=True)
             continue

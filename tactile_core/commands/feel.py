@@ -52,6 +52,8 @@ def feel(thing: str, name: str, rays: int, seed: int, out: Path, as_json: bool) 
 
     if out.suffix.lower() != ".gif":
         raise TactileError(f"--out {out}: an animation is a GIF, call it *.gif")
+    if out.is_dir() or (out.parent.exists() and not out.parent.is_dir()):
+        raise TactileError(f"--out {out}: a folder has that name, or a file that of its folder")
     artifacts = at_hand(UNET, POLICIES)
     unet = load_unet(artifacts / "unet")
     found = find_thing(thing, unet.resolution, seed)
@@ -67,8 +69,11 @@ def feel(thing: str, name: str, rays: int, seed: int, out: Path, as_json: bool) 
     rollout = feel_out(
         policy, found.mask, reconstructor, rays, seed, lambda ray, cast: say(row(ray, cast))
     )
-    with written_whole(out) as file:
-        file.write(rollout_gif(replace(rollout, category=found.category)))
+    try:
+        with written_whole(out) as file:
+            file.write(rollout_gif(replace(rollout, category=found.category)))
+    except OSError as error:
+        raise TactileError(f"--out {out} cannot be written ({error.strerror})") from error
     if as_json:
         click.echo(json.dumps(told(rollout, thing, found.said, known, artifacts, out), indent=2))
     else:

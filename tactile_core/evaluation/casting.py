@@ -2,7 +2,6 @@
 
 import contextlib
 import threading
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +11,7 @@ import pandas as pd
 
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.exploration.policies.base import Policy
+from tactile_core.exploration.policies.base import Policy, policy_rng
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import read_table, write_table
 from tactile_core.keys import work_key
@@ -129,12 +128,6 @@ def cast_part(
         if len(unfinished) < len(active):
             active, explorations = active[unfinished], explorations.select(unfinished)
     return pd.concat(tables, ignore_index=True).assign(key=casting.key)
-
-
-def policy_rng(policy: Policy, seed: int, sample: int = 0) -> np.random.Generator:
-    """A generator of the policy's own, for test samples from number `sample` on: adding a policy
-    does not change the others' rows."""
-    return np.random.default_rng([seed, policy.seed, zlib.crc32(policy.name.encode()), sample])
 
 
 def sample_columns(casting: Casting, test: Shapes, which: np.ndarray) -> pd.DataFrame:

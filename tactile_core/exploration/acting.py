@@ -13,7 +13,7 @@ import numpy as np
 from tactile_core.errors import TactileError
 from tactile_core.exploration.at_hand import POLICIES, UNET, at_hand
 from tactile_core.exploration.environments import as_reconstructor, default_unet
-from tactile_core.exploration.policies.base import Policy
+from tactile_core.exploration.policies.base import Policy, policy_rng
 from tactile_core.exploration.policies.index import read_index
 from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.exploration.policies.store import describe, load_policies
@@ -79,7 +79,7 @@ def policy(name: str, env: Any = None, *, seed: int = 0, deterministic: bool = F
     else:
         reconstructor, interface = attribute(env, "reconstructor"), attribute(env, "interface")
     found = find_policy(name, reconstructor)
-    return Actor(found, reconstructor, interface, np.random.default_rng(seed), deterministic)
+    return Actor(found, reconstructor, interface, policy_rng(found, seed), deterministic)
 
 
 def find_policy(name: str, reconstructor: Reconstructor) -> Policy:
@@ -102,5 +102,5 @@ def find_policy(name: str, reconstructor: Reconstructor) -> Policy:
 
 def attribute(env: Any, name: str) -> Any:
     """What an environment calls so; of several side by side, the first one's."""
-    env = env.unwrapped
+    env = getattr(env, "unwrapped", env)  # a VecEnv of Stable-Baselines3 has none
     return getattr(env, name) if hasattr(env, name) else env.get_attr(name)[0]

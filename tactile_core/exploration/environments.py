@@ -51,31 +51,53 @@ def environment_parts(
     unet: AnyUNet | None = None,
     split: str | None = None,
     approach: str | Stage = "diff",
-    stage: int = 1,
-    actions: Any = "alpha and beta",
-    channels: Sequence[Any] = (),
+    stage: int | Stage | None = None,
+    actions: Any = None,
+    channels: Sequence[Any] | None = None,
+    interface: Interface | None = None,
     **others: Any,
 ) -> dict[str, Any]:
     """The arguments of an environment out of those that are friendlier to give.
 
-    masks : (M, R, R) of 0 and 1; by default those of `split` ("train", "eval" or, by default,
-        "test") that the last run stored in the home or, without a run, that the package ships
+    masks : (M, R, R) of 0 and 1, in the middle half of the image; by default those of `split`
+        ("train", "eval" or, by default, "test") that the last run stored in the home or, without a
+        run, that the package ships
     unet : the U-Net that reconstructs, or where it is stored; by default that of the same run
     approach, stage : whose reward and end, see `learning.approaches`: an approach by name with the
-        number of its stage, or a stage of your own
-    actions, channels : see `Interface`
+        number of its stage, by default the first, or one stage of your own
+    actions, channels : see `Interface`, which may be given as a whole instead
 
-    Raises `TactileError` where one of them is unknown or not there.
+    Raises `TactileError` where one of them is unknown or not there, or two say different things.
     """
     if masks is not None and split is not None:
         raise TactileError(f"masks= are given, so there is no split={split!r} to take: give one")
     return {
         "masks": default_masks(split or "test") if masks is None else masks,
         "reconstructor": as_reconstructor(default_unet() if unet is None else unet),
-        "stage": approach if isinstance(approach, Stage) else stage_of(approach, stage),
-        "interface": Interface(actions, tuple(channels)),
+        "stage": find_stage(approach, stage),
+        "interface": find_interface(actions, channels, interface),
         **others,
     }
+
+
+def find_interface(
+    actions: Any, channels: Sequence[Any] | None, interface: Interface | None
+) -> Interface:
+    """The interface, whole or by its parts."""
+    if interface is None:
+        return Interface(actions or "alpha and beta", tuple(channels or ()))
+    if actions is not None or channels is not None:
+        raise TactileError("interface= has actions and channels: give these or that")
+    return interface
+
+
+def find_stage(approach: str | Stage, stage: int | Stage | None) -> Stage:
+    """The stage of one's own, or that of an approach."""
+    if isinstance(approach, Stage):
+        if stage is not None:
+            raise TactileError("approach= is a stage already: there is no stage= to choose from it")
+        return approach
+    return stage if isinstance(stage, Stage) else stage_of(approach, 1 if stage is None else stage)
 
 
 def stage_of(approach: str, number: int) -> Stage:
@@ -83,7 +105,7 @@ def stage_of(approach: str, number: int) -> Stage:
     stages = find_approach(approach).stages
     if not stages:
         raise TactileError(f"approach {approach!r} has no reward: it learns the gains of rays")
-    if not 1 <= number <= len(stages):
+    if number not in range(1, len(stages) + 1):
         raise TactileError(f"approach {approach!r} has stages 1 to {len(stages)}, not {number}")
     return stages[number - 1]
 

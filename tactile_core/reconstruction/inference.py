@@ -1,6 +1,7 @@
 """Fast reconstruction: many touch images in one pass of the U-Net, in the quickest precision."""
 
 import functools
+import os
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,10 @@ from tactile_core.errors import TactileError
 from tactile_core.reconstruction.engines import CompiledUNet, Precision, openvino_pays
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.unet import OUTSIDE, fuse_normalisation, on_device
+
+# A process forked off one in which PyTorch has several threads, as Gymnasium's asynchronous
+# environments are, has but one of them, and would wait for the others for ever.
+os.register_at_fork(after_in_child=lambda: torch.set_num_threads(1))
 
 # Larger batches leave the CPU's caches, and do not fit a GPU's memory.
 LARGEST_CPU_BATCH = {torch.bfloat16: 256, torch.float32: 64}

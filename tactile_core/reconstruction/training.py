@@ -241,7 +241,6 @@ def train_unet(
             f"U-Net: epoch {epoch}/{settings.epochs}, loss {loss:.4f}, "
             f"eval loss {eval_loss:.4f}, eval Jaccard {row['eval_jaccard']:.1f}"
         )
-    checkpoint.unlink(missing_ok=True)
     kept = min(curve, key=lambda row: row["eval_loss"])
     unet = TrainedUNet(
         weights={name: value.contiguous() for name, value in best.items()},
@@ -258,7 +257,9 @@ def train_unet(
         ),
         key=key,
     )
-    return with_eight_bits(unet, train, touches.draw)
+    finished = with_eight_bits(unet, train, touches.draw)
+    checkpoint.unlink(missing_ok=True)
+    return finished
 
 
 def set_rate(training: UNetTraining, rate: float, epochs_done: float, epochs: int) -> None:

@@ -1,5 +1,7 @@
 """The U-Net of the report (section V, Figure 1): touches in, probability of the object out."""
 
+from itertools import pairwise
+
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -92,14 +94,12 @@ def on_device(net: UNet, device: torch.device, dtype: torch.dtype = torch.float3
 
 
 def fuse_normalisation(net: UNet) -> UNet:
-    """Fold every batch normalisation of an eval-mode net into its convolution, in place."""
+    """Fold every batch normalisation that follows a convolution into it, in eval mode and in place.
+    Blocks of other layers stay as they are."""
     net.eval()
-    for block in [*net.contract, *net.expand]:
-        assert isinstance(block, nn.Sequential)
-        for index in (0, 3):
-            convolution, normalisation = block[index], block[index + 1]
-            assert isinstance(convolution, nn.Conv2d)
-            assert isinstance(normalisation, nn.BatchNorm2d)
-            block[index] = fuse_conv_bn_eval(convolution, normalisation)
-            block[index + 1] = nn.Identity()
+    for block in [part for part in net.modules() if isinstance(part, nn.Sequential)]:
+        for index, (layer, following) in enumerate(pairwise([*block])):
+            if isinstance(layer, nn.Conv2d) and isinstance(following, nn.BatchNorm2d):
+                block[index] = fuse_conv_bn_eval(layer, following)
+                block[index + 1] = nn.Identity()
     return net

@@ -1,5 +1,6 @@
 """A policy: whatever chooses the next ray."""
 
+import zlib
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -37,6 +38,12 @@ class Policy(Protocol):
     ) -> np.ndarray:
         """The next ray (alpha, beta) of each exploration, (N, 2) int into `circle_pixels`."""
         ...
+
+
+def policy_rng(policy: Policy, seed: int, sample: int = 0) -> np.random.Generator:
+    """A generator of the policy's own, for test samples from number `sample` on: adding a policy
+    does not change the others' rays, nor do these hang on what else was drawn with the seed."""
+    return np.random.default_rng([seed, policy.seed, zlib.crc32(policy.name.encode()), sample])
 
 
 def weights_version(tensors: Mapping[str, Tensor]) -> str:

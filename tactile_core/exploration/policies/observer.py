@@ -27,7 +27,7 @@ class IdealObserver:
     """Casts the ray after which, over shapes drawn from its belief, the Jaccard index is highest.
 
     ahead : a ray scorer; with it the index after the next ray but one counts. It is tried for the
-        `FIRST` best rays of which none is near another, with the `SECOND` rays that the scorer
+        `FIRST` best of every other candidate ray, with the `SECOND` rays that the scorer
         values most after each of them. The last of the ten rays is chosen without.
     """
 

@@ -1,5 +1,6 @@
 """Policies of one's own among those of the tables: a function, or a model of Stable-Baselines3."""
 
+import inspect
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ class FunctionPolicy:
 
     observation : (2 + channels, R, R) uint8, as `TactileEnv` gives it
     info : `exploration` as in `TactileEnv`, but for the mask and the Jaccard index, which a robot
-        does not know
+        does not know. All that it may go by is in these two: many explorations take turns
     returns : two whole numbers, as `interface` has actions
 
     An error in the function passes through with its own traceback.
@@ -83,15 +84,29 @@ class SB3Policy:
         return self.interface.rays(actions, explorations.resolution)
 
 
+def needs_more(model: BaseAlgorithm) -> str | None:
+    """What a model goes by besides the observation, as two of sb3-contrib do; None: nothing."""
+    if "action_masks" in inspect.signature(model.predict).parameters:
+        return "masks of its actions"
+    if hasattr(model.policy, "lstm_actor"):
+        return "its memory of the episode"
+    return None
+
+
 def own_policy(
     name: str, choice: Any, interface: Interface, resolution: int
 ) -> FunctionPolicy | SB3Policy:
     """A function or a model of Stable-Baselines3 as a policy of that name.
 
-    Raises `TactileError` for anything else, and for a model that was trained on other observations
-    or actions than `interface` has at this resolution.
+    Raises `TactileError` for anything else, for a model that was trained on other observations or
+    actions than `interface` has at this resolution, and for one that goes by more than these.
     """
     if isinstance(choice, BaseAlgorithm):
+        if more := needs_more(choice):
+            raise TactileError(
+                f"{name} chooses by {more}, which policies of the tables are not given: write a "
+                "function that calls it"
+            )
         theirs = choice.observation_space, choice.action_space
         ours = interface.observation_space(resolution), interface.action_space(resolution)
         for what, their, our in zip(("observations", "actions"), theirs, ours, strict=True):

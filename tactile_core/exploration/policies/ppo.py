@@ -6,33 +6,21 @@ from typing import Any
 
 import numpy as np
 import torch
-from gymnasium import spaces
 from stable_baselines3.common.policies import ActorCriticCnnPolicy, ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
 from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.features import WindowCNN
 from tactile_core.exploration.world.circle import report_order
+from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.state import Explorations
-
-CHANNELS = 2  # of an observation: the reconstruction and the touches held
-
-
-def observation_space(resolution: int) -> spaces.Box:
-    """What a policy sees: (2, R, R) uint8, 0–255."""
-    return spaces.Box(0, 255, (CHANNELS, resolution, resolution), np.uint8)
-
-
-def action_space(resolution: int) -> spaces.MultiDiscrete:
-    """What it answers: alpha and beta, each an index into `circle.report_circle`."""
-    return spaces.MultiDiscrete([len(report_order(resolution))] * 2)
 
 
 def untrained_net(resolution: int) -> ActorCriticCnnPolicy:
     """SB3's CnnPolicy as `learning.ppo` trains it, to load weights into."""
     return ActorCriticCnnPolicy(
-        observation_space(resolution),
-        action_space(resolution),
+        Interface().observation_space(resolution),
+        Interface().action_space(resolution),
         lr_schedule=lambda progress: 0.0,  # it is not trained any further
         features_extractor_class=WindowCNN,
     )

@@ -19,7 +19,7 @@ from tactile_core.files import content_hash
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack, unpack
 
-TRIED = 16  # rays that `recall` tries, of those of highest value
+TRIED = 16  # rays that `recall` tries: of every other candidate those of highest value
 RECALLED = 12  # known shapes that it tries each of them on
 # What is bent afterwards may disagree more than what the U-Net is shown: errors in pixels, as
 # `known_shapes.SPREAD` and `FARTHEST` are.
@@ -28,7 +28,7 @@ PIXELS_AT_A_TIME = 2**26  # explorations are dealt with in portions, to bound it
 
 
 class RecallPolicy:
-    """Tries the rays of highest value on known shapes, bent to what was felt, and casts the one
+    """Tries rays of high value on known shapes, bent to what was felt, and casts the one
     that is best on average."""
 
     draws = False

@@ -70,13 +70,15 @@ def best_ray(net: RayScorer, explorations: Explorations) -> np.ndarray:
 
 
 def best_rays_apart(net: RayScorer, explorations: Explorations, count: int) -> np.ndarray:
-    """The `count` rays of highest value for each exploration, best first, (N, count, 2) int."""
+    """The `count` rays of highest value of every other candidate, best first, (N, count, 2) int:
+    see `best_apart`."""
     values = ray_values(net, scorer_images(explorations), explorations.rays)
     return candidate_rays(explorations.resolution).reshape(-1, 2)[best_apart(values, count)]
 
 
 def best_apart(values: np.ndarray, count: int) -> np.ndarray:
-    """Which `count` candidates have the highest values (N, C), best first, (N, count) int.
+    """Which `count` of every other candidate have the highest values (N, C), best first, (N, count)
+    int. The very best of all may be none of them, but one beside it is.
 
     Neighbouring candidates meet nearly the same, so only every other one takes part, in angle and
     offset as on a chessboard.

@@ -45,6 +45,9 @@ class Episodes:
         ray_limit: int = RAY_LIMIT,
         interface: Interface = Interface(),  # noqa: B008 (frozen)
     ) -> None:
+        for name, value in (("count", count), ("ray_limit", ray_limit)):
+            if value < 1:
+                raise TactileError(f"{name}={value}: an episode has at least one ray")
         self.masks = checked(masks)
         self.stage = stage
         self.count = count
@@ -84,7 +87,13 @@ class Episodes:
         """One ray each, actions (N, 2) int: what it did, rewards (N,) float32, and which episodes
         are terminated or truncated by it, (N,) bool each."""
         cast = self.state.cast(self.interface.rays(actions, self.resolution))
-        return cast, np.asarray(self.stage.reward(cast), np.float32), *self.ended()
+        rewards = np.asarray(self.stage.reward(cast), np.float32)
+        if rewards.shape != (len(self.state),):
+            raise TactileError(
+                f"a reward is a number for each of {len(self.state)} explorations, and this one "
+                f"returned an array of shape {rewards.shape}"
+            )
+        return cast, rewards, *self.ended()
 
     def ended(self) -> tuple[np.ndarray, np.ndarray]:
         if self.stage.ends == "rays":
@@ -109,7 +118,8 @@ class Episodes:
 
 
 def checked(masks: Masks) -> Masks:
-    """Masks (M, R, R) of 0 and 1 as bool; raises `TactileError` where they are none."""
+    """Masks (M, R, R) of 0 and 1 as bool; raises `TactileError` where they are none, or where one
+    is empty or leaves the middle half of the image, where rays are cast and the U-Net looks."""
     if isinstance(masks, PackedMasks):
         return masks
     masks = np.asarray(masks)
@@ -119,4 +129,13 @@ def checked(masks: Masks) -> Masks:
         if not np.isin(masks, (0, 1)).all():
             raise TactileError("masks hold 0 and 1; these hold other values")
         masks = masks.astype(bool)
+    margin = masks.shape[1] // 4
+    within = masks[:, margin : masks.shape[1] - margin, margin : masks.shape[1] - margin]
+    inside = within.any(axis=(1, 2)) & (within.sum(axis=(1, 2)) == masks.sum(axis=(1, 2)))
+    if not inside.all():
+        raise TactileError(
+            f"mask {int(np.argmin(inside))} is empty or leaves the middle half of the image, rows "
+            f"and columns {margin} to {masks.shape[1] - margin - 1}: scale it to a diagonal of "
+            "half the image's width"
+        )
     return masks

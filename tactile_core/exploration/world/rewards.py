@@ -2,14 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
+
+from tactile_core.errors import TactileError
 
 if TYPE_CHECKING:  # the names of all approaches are known without PyTorch
     from tactile_core.exploration.world.state import Cast
 
 Reward = Callable[["Cast"], np.ndarray]
+Ends = Literal["rays", "touches"]
 
 PENALTY = -10.0
 
@@ -47,7 +50,13 @@ class Stage:
     """
 
     reward: Reward
-    ends: Literal["rays", "touches"] = "rays"
+    ends: Ends = "rays"
+
+    def __post_init__(self) -> None:
+        if not callable(self.reward):
+            raise TactileError(f"a stage's reward is a function of a cast, not {self.reward!r}")
+        if self.ends not in (known := get_args(Ends)):
+            raise TactileError(f"ends={self.ends!r} is unknown: choose {' or '.join(known)}")
 
 
 DIFF = Stage(Penalised(diff))

@@ -36,6 +36,8 @@ class BatchedTactileEnv(VecEnv):
         **options: Unpack[Options],
     ) -> None:
         self.episodes = Episodes(environments, masks, reconstructor, stage, **options)
+        self.reconstructor = reconstructor
+        self.interface = self.episodes.interface
         self.reward_scale = reward_scale
         self.generators = [np_random(seed + index)[0] for index in range(environments)]
         self.returns = np.zeros(environments, np.float32)
@@ -65,13 +67,17 @@ class BatchedTactileEnv(VecEnv):
         for index, seed in enumerate(self._seeds):
             if seed is not None:
                 self.generators[index] = np_random(seed)[0]
+        options = [*self._options]  # of `set_options`: those of `TactileEnv`, for each environment
         self._reset_seeds()
-        self.restart(np.arange(self.num_envs))
+        self._reset_options()
+        self.restart(np.arange(self.num_envs), options)
         return self.episodes.observations()
 
-    def restart(self, which: np.ndarray) -> None:
-        """New episodes on newly drawn masks in the environments at indices `which`."""
-        drawn = [self.episodes.draw(self.generators[index]) for index in which]
+    def restart(self, which: np.ndarray, options: Sequence[dict[str, Any]] | None = None) -> None:
+        """New episodes in the environments at indices `which`, on newly drawn masks or those of
+        `options`."""
+        chosen = options or [{}] * self.num_envs
+        drawn = [self.episodes.draw(self.generators[index], chosen[index]) for index in which]
         self.episodes.begin(which, np.array(drawn, int))
         self.returns[which] = 0
 

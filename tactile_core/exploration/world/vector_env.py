@@ -58,6 +58,7 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.generators: list[np.random.Generator] = []
+        self.seeds: list[int] = []
         self.last_rays: np.ndarray | None = None  # (N, 2) int
         self.fresh = np.ones(num_envs, bool)  # whose episode has had no ray
 
@@ -70,6 +71,8 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """`options` are those of `TactileEnv`, for every environment, and Gymnasium's
         `reset_mask`, (N,) bool: which of them begin anew."""
         which, options = self._which(options)
+        if not self.generators and len(which) < self.num_envs:
+            raise ResetNeeded("no episodes have begun: the first reset() is of all, no reset_mask")
         self._seed(seed, which)
         drawn = [self.episodes.draw(self.generators[index], options) for index in which]
         self.episodes.begin(which, np.array(drawn))
@@ -127,16 +130,20 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _seed(self, seed: int | Sequence[int | None] | None, which: np.ndarray) -> None:
         """New generators where a seed is given, and for all at the first reset."""
+        if isinstance(seed, np.ndarray):
+            seed = seed.tolist()
         if not isinstance(seed, Sequence):
             seed = [None if seed is None else seed + index for index in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise TactileError(f"{len(seed)} seeds for {self.num_envs} environments: give as many")
-        if not self.generators:
-            self.generators = [np_random(one)[0] for one in seed]
-            return
+        first = not self.generators
+        if first:
+            self.generators = [np.random.default_rng()] * self.num_envs
+            self.seeds = [0] * self.num_envs
         for index in which:
-            if seed[index] is not None:
-                self.generators[index] = np_random(seed[index])[0]
+            if first or seed[index] is not None:
+                self.generators[index], self.seeds[index] = np_random(seed[index])
+        self._np_random_seed = tuple(self.seeds)  # type: ignore[assignment]  # as SyncVectorEnv
 
     def _restart(self, which: np.ndarray) -> None:
         drawn = [self.episodes.draw(self.generators[index]) for index in which]

@@ -57,6 +57,15 @@ def test_the_json_says_what_the_table_says_and_is_the_same_each_time(feel, tmp_p
     assert [row[3] for row in rows] == [f"{ray['jaccard']:.1f}" for ray in told["rays"]]
 
 
+@pytest.mark.parametrize("out", ["folder.gif", "file/run.gif"])
+def test_where_the_picture_cannot_go_no_ray_is_cast(feel, tmp_path, out):
+    (tmp_path / "folder.gif").mkdir()
+    (tmp_path / "file").write_bytes(b"")
+    done = feel("mug", "--policy", "even", "--out", out)
+    assert done.exit_code == 1 and done.stderr.startswith(f"Error: --out {out}: a folder has that")
+    assert done.stdout == ""
+
+
 def test_a_drawing_is_felt_out_and_misses_are_called_so(feel, tmp_path):
     picture = Image.new("L", (300, 200), 255)
     ImageDraw.Draw(picture).rectangle([20, 20, 60, 160], fill=0)

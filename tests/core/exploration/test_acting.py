@@ -10,6 +10,8 @@ import tactile_core
 from tactile_core import ENV_ID
 from tactile_core.errors import TactileError
 from tactile_core.exploration.acting import find_policy
+from tactile_core.exploration.environments import make_sb3_env
+from tactile_core.exploration.policies.base import policy_rng
 from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.reconstruction.inference import Reconstructor
 from tests.core.small_run import TRAINED
@@ -34,7 +36,8 @@ def parts(shapes, unet, reconstructor):
 def test_a_policy_names_the_action_of_the_ray_that_it_would_cast(parts, name):
     env = gym.make(NAME, **parts)
     policy = tactile_core.policy(name, env, seed=3)
-    caster, rng = find_policy(name, env.unwrapped.reconstructor), np.random.default_rng(3)
+    caster = find_policy(name, env.unwrapped.reconstructor)
+    rng = policy_rng(caster, 3)
     observation, info = env.reset(seed=0)
     for _ in range(4):
         state = env.unwrapped.episodes.state
@@ -97,6 +100,22 @@ def test_the_seed_decides_the_rays_that_are_drawn(parts):
     start = env.reset(seed=0)
     drawn = [tactile_core.policy("diff", env, seed=seed).act(*start).tolist() for seed in (1, 1, 2)]
     assert drawn[0] == drawn[1] != drawn[2]
+
+
+def test_the_rays_that_are_drawn_do_not_tell_which_shape_the_same_seed_hides(parts):
+    env = gym.make(NAME, **{**parts, "masks": np.repeat(parts["masks"], 20, axis=0)})
+    places, rays = [], []
+    for seed in range(60):
+        observation, info = env.reset(seed=seed)
+        places.append(info["mask"])
+        rays.append(tactile_core.policy("random", env, seed=seed).act(observation, info)[0])
+    assert abs(np.corrcoef(places, rays)[0, 1]) < 0.6
+
+
+def test_a_policy_acts_beside_an_environment_of_stable_baselines(parts):
+    actor = tactile_core.policy("even", make_sb3_env(2, **parts))
+    single = gym.make(NAME, **parts)
+    assert actor.act(*single.reset(seed=0)).shape == (2,)
 
 
 def test_an_unknown_policy_is_told_with_those_that_are_there(parts):

@@ -18,14 +18,16 @@ from stable_baselines3.common.monitor import Monitor
 
 from tactile_core import ENV_ID
 from tactile_core.errors import TactileError
-from tactile_core.exploration.environments import make_env
+from tactile_core.exploration.environments import make_env, make_sb3_env
 from tactile_core.exploration.learning.approaches import APPROACHES
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.pictures import Window, window_missing
+from tactile_core.exploration.world.rewards import TOTAL, Stage
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 
 NAME = f"tactile_core:{ENV_ID}"
 REPOSITORY = Path(__file__).resolve().parents[3]
+GRID = Interface("angle and offset")
 SOME = {"count": 3, "ray_limit": 5}
 seeds = st.integers(0, 2**31 - 1)
 
@@ -59,8 +61,8 @@ def test_a_fresh_process_makes_it_without_arguments_from_what_a_run_left(home, s
 def in_a_process(code: str, **environ: str) -> subprocess.CompletedProcess[str]:
     kept = {key: value for key, value in os.environ.items() if not key.startswith("TACTILE")}
     return subprocess.run(
-        [sys.executable, "-c", code], env={**kept, **environ}, capture_output=True,
-        text=True, check=False, cwd=REPOSITORY,
+        ["timeout", "120", sys.executable, "-c", code], env={**kept, **environ}, text=True,
+        capture_output=True, check=False, cwd=REPOSITORY,
     )  # fmt: skip
 
 
@@ -96,6 +98,12 @@ def test_the_unet_may_be_a_value_a_path_or_ready_to_predict(home, shapes, unet, 
         ({"masks": np.zeros((0, 64, 64), bool)}, "at least one"),
         ({"render_mode": "ansi"}, "render_mode='ansi'"),
         ({"actions": "both"}, "alpha and beta or angle and offset"),
+        ({"approach": TOTAL, "stage": 1}, "is a stage already"),
+        ({"stage": "first"}, "stages 1 to 1, not first"),
+        ({"actions": "alpha and beta", "interface": GRID}, "give these or that"),
+        ({"count": 0}, "count=0: an episode has at least one ray"),
+        ({"masks": np.zeros((1, 64, 64))}, "mask 0 is empty or leaves the middle half"),
+        ({"masks": np.eye(64)[None]}, "rows and columns 16 to 47: scale it"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(parts, wrong, said):
@@ -109,6 +117,19 @@ def test_an_approach_brings_the_reward_and_the_end_of_its_stage(parts):
     for number, stage in enumerate(APPROACHES["total_miss"].stages, start=1):
         env = gym.make(NAME, **parts, approach="total_miss", stage=number)
         assert env.unwrapped.episodes.stage == stage
+
+
+def test_a_stage_of_ones_own_is_taken_under_either_name(parts):
+    for name in ("approach", "stage"):
+        assert make_env(**parts, **{name: TOTAL}).episodes.stage == TOTAL
+    assert make_env(**parts, interface=GRID).interface == GRID
+
+
+def test_a_reward_that_is_no_number_for_each_exploration_is_refused(parts):
+    env = make_env(**parts, approach=Stage(lambda cast: -1.0))
+    env.reset(seed=0)
+    with pytest.raises(TactileError, match=r"returned an array of shape \(\)"):
+        env.step(env.action_space.sample())
 
 
 def test_reset_takes_the_mask_that_it_is_given(parts):
@@ -220,6 +241,41 @@ def test_a_reset_of_some_leaves_the_others(parts):
     assert info["_mask"].tolist() == chosen.tolist()
 
 
+def test_the_first_reset_is_of_all(parts):
+    env = gym.make_vec(NAME, num_envs=2, **parts)
+    with pytest.raises(gym.error.ResetNeeded, match="first reset"):
+        env.reset(options={"reset_mask": np.array([True, False])})
+
+
+def test_seeds_are_told_and_may_be_an_array(parts):
+    many = gym.make_vec(NAME, num_envs=3, **parts)
+    plain = SyncVectorEnv([lambda: make_env(**parts)] * 3)
+    for seed in (5, [7, 8, 7]):
+        for env in (many, plain):
+            env.reset(seed=seed)
+        assert many.np_random_seed == plain.np_random_seed
+        assert many.episodes.drawn.tolist() == [env.episodes.drawn[0] for env in plain.envs]
+    first, _ = many.reset(seed=[7, 8, 7])
+    again, _ = many.reset(seed=np.array([7, 8, 7]))
+    np.testing.assert_array_equal(first, again)
+
+
+def test_stable_baselines_s_options_choose_the_masks_of_one_reset(parts):
+    env = make_sb3_env(3, **parts)
+    env.set_options({"mask": 2})
+    env.reset()
+    assert env.drawn.tolist() == [2, 2, 2]
+    env.set_options([{"mask": 1}, {}, {"mask": 0}])
+    env.reset()
+    assert (env.drawn[0], env.drawn[2]) == (1, 0)
+    env.seed(3)
+    drawn = [(env.reset(), env.seed(3), tuple(env.drawn))[2] for _ in range(2)]
+    assert drawn[0] == drawn[1] and set(drawn[0]) != {2}
+    env.set_options({"masks": 2})
+    with pytest.raises(TactileError, match="know no 'masks'"):
+        env.reset()
+
+
 def test_pictures_of_many_are_those_of_each(parts):
     many = gym.make_vec(NAME, num_envs=2, **parts, render_mode="rgb_array")
     many.reset(seed=5)
@@ -268,6 +324,19 @@ def test_videos_are_recorded(parts, tmp_path):
         env.step(env.action_space.sample())
     env.close()
     assert [file.suffix for file in (tmp_path / "videos").iterdir()] == [".mp4"]
+
+
+def test_processes_forked_off_one_with_several_threads_of_pytorch_do_not_wait_for_them(home):
+    code = f"""if True:
+        import gymnasium, torch
+        torch.set_num_threads(2)
+        torch.ones(512, 512) @ torch.ones(512, 512)
+        envs = gymnasium.make_vec({NAME!r}, num_envs=2, vectorization_mode="async")
+        envs.reset(seed=0)
+        print(envs.step(envs.action_space.sample())[0].shape)
+        envs.close()
+    """
+    assert in_a_process(code, TACTILE_HOME=str(home)).stdout == "(2, 2, 64, 64)\n"
 
 
 def test_environments_in_processes_of_their_own_do_the_same(parts):

@@ -6,15 +6,19 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch import nn
 from upath import UPath
 
 from tactile_core.errors import TactileError
+from tactile_core.reconstruction import training
+from tactile_core.reconstruction import unet as unet_module
 from tactile_core.reconstruction.batches import (
     ORIENTATIONS,
     TouchSource,
     draw_touch_sets,
     outline_source,
 )
+from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import KnownShapes, unpack
 from tactile_core.reconstruction.trained import load_unet, save_unet
 from tactile_core.reconstruction.training import (
@@ -85,6 +89,32 @@ def test_a_training_killed_after_an_epoch_and_started_again_ends_the_same(
     assert sum("eval loss" in message for message in said[1:]) == 4 - epoch
     assert resumed.version() == whole.version()
     assert resumed.curve.equals(whole.curve)
+
+
+def test_a_training_killed_while_its_ranges_are_measured_trains_no_epoch_again(train, monkeypatch):
+    def cut(*args):
+        raise PowerCutError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "with_eight_bits", cut)
+        with pytest.raises(PowerCutError):
+            train()
+    said = []
+    train(progress=said.append)
+    assert said == ["U-Net: resuming after epoch 4"]
+
+
+def test_a_unet_of_other_layers_is_trained_and_predicts(train, small_shapes, monkeypatch):
+    def block(inside: int, outside: int) -> nn.Sequential:
+        first, second = (nn.Conv2d(width, outside, 3, padding=1) for width in (inside, outside))
+        return nn.Sequential(first, nn.GroupNorm(2, outside), second, nn.SiLU())
+
+    monkeypatch.setattr(unet_module, "_block", block)
+    unet = train(QUICK.model_copy(update={"epochs": 1}))
+    felt = np.zeros((1, unet.resolution, unet.resolution), np.int8)
+    logits = unet.net()(torch.from_numpy(felt).float()[:, None])
+    found = Reconstructor(unet, "float32").predict(felt)
+    np.testing.assert_allclose(found, torch.sigmoid(logits)[:, 0].detach(), atol=1e-4)
 
 
 def test_a_checkpoint_of_other_settings_or_shapes_is_not_taken_up(train, small_shapes):

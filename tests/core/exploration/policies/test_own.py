@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sb3_contrib import MaskablePPO, RecurrentPPO
 from stable_baselines3 import A2C
 
 from tactile_core.errors import TactileError
@@ -102,6 +103,19 @@ def test_the_rays_that_a_model_draws_hang_on_the_generator_alone(explorations, m
 def test_a_model_of_another_interface_is_refused(model, interface, said):
     with pytest.raises(TactileError, match=said):
         own_policy("a2c", model, interface, 64)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "policy", "said"),
+    [(RecurrentPPO, "CnnLstmPolicy", "its memory of the episode"),
+     (MaskablePPO, "CnnPolicy", "masks of its actions")],
+)  # fmt: skip
+def test_a_model_that_goes_by_more_than_it_would_be_shown_is_refused(
+    shapes, reconstructor, algorithm, policy, said
+):
+    env = BatchedTactileEnv(2, shapes["train"].masks, reconstructor, DIFF, interface=GRID)
+    with pytest.raises(TactileError, match=f"chooses by {said}"):
+        own_policy("theirs", algorithm(policy, env, n_steps=2, batch_size=2), GRID, 64)
 
 
 def test_what_is_neither_function_nor_model_is_refused():
