@@ -48,7 +48,7 @@ def find_home(environ: Mapping[str, str] = os.environ) -> Path:
 def home_named(environ: Mapping[str, str] = os.environ) -> Path:
     """The home as an absolute path, whether it is there or not."""
     given = environ.get("TACTILE_HOME")
-    return Path(given).expanduser().absolute() if given else default_home()
+    return Path(expanded(given)).absolute() if given else default_home()
 
 
 def remembered_profile(environ: Mapping[str, str] = os.environ) -> str | None:
@@ -73,7 +73,18 @@ def find_artifacts(environ: Mapping[str, str] = os.environ) -> str:
             "and shown with the name of every file: leave it out, and give it in the environment "
             f"as fsspec reads it (FSSPEC_{scheme}_PASSWORD, FSSPEC_S3_SECRET, AWS_… and so on)"
         )
-    return store or f"{find_home(environ)}/artifacts"
+    return expanded(store) if store else f"{find_home(environ)}/artifacts"
+
+
+def expanded(path: str) -> str:
+    """A path whose `~` is a user's own folder; any other, as an address, stays as it is.
+
+    Raises `TactileError` where there is no such user: a folder called so is nobody's wish.
+    """
+    found = os.path.expanduser(path)  # noqa: PTH111 (pathlib has another error for each system)
+    if found.startswith("~"):
+        raise TactileError(f"{path} names the folder of a user that is not known here: correct it")
+    return found
 
 
 def default_home() -> Path:

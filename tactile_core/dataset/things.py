@@ -1,5 +1,6 @@
 """Anything that can be felt out, as a mask: a mesh, a picture, or a generated shape of a class."""
 
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,7 +45,7 @@ def find_thing(name: str, resolution: int, seed: int = 0) -> Thing:
     """
     if name in GENERATORS:
         return generated_thing(name, resolution, seed)
-    path = Path(name).expanduser()
+    path = Path(os.path.expanduser(name))  # noqa: PTH111 (a file may be called ~cup.obj)
     if path.is_dir():
         raise TactileError(f"{name} is a folder: name one mesh or picture in it")
     if not path.exists():

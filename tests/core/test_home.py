@@ -28,6 +28,16 @@ def test_a_home_is_the_same_by_every_way_there(tmp_path, monkeypatch):
     assert {find_home({"TACTILE_HOME": way}) for way in ways} == {tmp_path / "real"}
 
 
+def test_a_tilde_is_the_users_own_folder_or_it_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert find_home({"TACTILE_HOME": "~/tactile"}) == tmp_path / "tactile"
+    assert find_artifacts({"TACTILE_STORE": "~/store"}) == f"{tmp_path}/store"
+    assert find_artifacts({"TACTILE_STORE": "s3://bucket/~x"}) == "s3://bucket/~x"
+    for name in ("TACTILE_HOME", "TACTILE_STORE"):
+        with pytest.raises(TactileError, match="folder of a user that is not known here"):
+            find_artifacts({name: "~no-such-user/x"})
+
+
 @pytest.mark.parametrize("name", ["q?x", "My%20Project", "two\nlines", "a%2Fb"])
 def test_a_name_that_dagster_s_database_cannot_have_is_refused(tmp_path, name):
     with pytest.raises(TactileError, match="cannot be used") as refused:
