@@ -22,8 +22,11 @@ if [ -n "${TACTILE_HOME:-}" ]; then
 fi
 export DAGSTER_HOME="$_tactile_home/dagster"
 mkdir -p "$DAGSTER_HOME" || return 1
-# A dagster.yaml of your own in DAGSTER_HOME stays; a link to ours follows the checkout.
-if [ -L "$DAGSTER_HOME/dagster.yaml" ] || [ ! -e "$DAGSTER_HOME/dagster.yaml" ]; then
+# A dagster.yaml or a link of your own in DAGSTER_HOME stays; a link to ours, of whichever checkout, or
+# to nothing follows this checkout.
+_tactile_link="$(readlink "$DAGSTER_HOME/dagster.yaml" || true)"
+if [ ! -e "$DAGSTER_HOME/dagster.yaml" ] || { [ "${_tactile_link##*/}" = dagster.yaml ] \
+    && (cd "$DAGSTER_HOME" && [ -d "${_tactile_link%/*}/tactile_assets" ]); }; then
     ln -sfn "$_tactile_root/dagster.yaml" "$DAGSTER_HOME/dagster.yaml"
 fi
 
@@ -36,4 +39,4 @@ export OMP_WAIT_POLICY="${OMP_WAIT_POLICY:-PASSIVE}"
 # What runs on this machine stays on it.
 export DAGSTER_DISABLE_TELEMETRY=yes
 export RAY_USAGE_STATS_ENABLED=0
-unset _tactile_root _tactile_home _tactile_processors
+unset _tactile_root _tactile_home _tactile_link _tactile_processors

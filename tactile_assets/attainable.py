@@ -11,9 +11,10 @@ import pandas as pd
 from upath import UPath
 
 from tactile_assets import columns
+from tactile_assets.automation import after
 from tactile_assets.code_versions import code_version
 from tactile_assets.config import PROFILE, StageConfig, defaults
-from tactile_assets.evaluation import CODE, READING, PerStepConfig, curve
+from tactile_assets.evaluation import CODE, READING, TRAINED, PerStepConfig, curve
 from tactile_assets.io_managers import UNetsBySeed
 from tactile_assets.metadata import counts, seconds_since, stored, wing
 from tactile_assets.reconstruction import UNETS
@@ -63,6 +64,7 @@ def believed_shapes(
 @dg.asset(
     kinds={"pytorch", "openvino", "parquet"},
     code_version=code_version(*CODE, "evaluation.attainable", PROFILE.observer),
+    automation_condition=after(*TRAINED),
     ins=UNETS,
     **wing("evaluation"),
 )
@@ -112,7 +114,11 @@ def attainable_rollouts(
     )
 
 
-@dg.asset(code_version=code_version("evaluation.attainable", PROFILE.per_step), **READING)
+@dg.asset(
+    code_version=code_version("evaluation.attainable", PROFILE.per_step),
+    automation_condition=after("attainable_rollouts", "rollouts"),
+    **READING,
+)
 def attainable_evaluation(
     config: PerStepConfig,
     store: Store,

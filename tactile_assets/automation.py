@@ -5,12 +5,11 @@ Automation. Evaluations follow new policies and a new U-Net wherever the daemon 
 """
 
 import json
-import os
 from datetime import timedelta
 
 import dagster as dg
 
-from tactile_assets.config import PROFILE
+from tactile_assets.config import PROFILE, schedule_or_end
 from tactile_assets.dagster_internals import longest_wait
 from tactile_assets.jobs import EVALUATIONS, whole_chain
 from tactile_assets.runs import end_dead_runs
@@ -19,24 +18,39 @@ EVERY_MONDAY_AT_THREE = "0 3 * * 1"
 TEN_MINUTES = 600
 HALF_A_MINUTE = 30
 
+CRON = schedule_or_end()
 # Promised only where somebody asked for a schedule: one run of the chain may take a day.
-FRESHNESS = (
-    dg.FreshnessPolicy.time_window(longest_wait(os.environ["TACTILE_CRON"]) + timedelta(days=1))
-    if os.environ.get("TACTILE_CRON")
-    else None
-)
+FRESHNESS = dg.FreshnessPolicy.time_window(longest_wait(CRON) + timedelta(days=1)) if CRON else None
 
-weekly = dg.ScheduleDefinition(
+WAITING = [dg.DagsterRunStatus.NOT_STARTED, dg.DagsterRunStatus.QUEUED]
+
+
+def waiting(instance: dg.DagsterInstance) -> str:
+    """That a run of the whole chain waits already, in a few words; "" where none does. It will read
+    whatever there is once it begins: another behind it would find nothing new."""
+    runs = instance.get_runs(dg.RunsFilter(job_name=whole_chain.name, statuses=WAITING), limit=1)
+    return f"run {runs[0].run_id} of the whole chain waits already" if runs else ""
+
+
+def run_the_chain(context: dg.ScheduleEvaluationContext) -> dg.RunRequest | dg.SkipReason:
+    """One run at a time waits for its turn."""
+    if said := waiting(context.instance):
+        return dg.SkipReason(said)
+    return dg.RunRequest()
+
+
+weekly = dg.schedule(
     name="weekly",
     job=whole_chain,
-    cron_schedule=os.environ.get("TACTILE_CRON") or EVERY_MONDAY_AT_THREE,
+    cron_schedule=CRON or EVERY_MONDAY_AT_THREE,
     default_status=dg.DefaultScheduleStatus.STOPPED,
     description="Reruns the whole chain; TACTILE_CRON says when (UTC), in five cron fields.",
-)
+)(run_the_chain)
 
 
 def look_for_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.SkipReason:
-    """The first look at a class only remembers what there is. Nothing is downloaded.
+    """The first look at a class only remembers what there is. Nothing is downloaded. A change is
+    looked at twice, as what is being copied changes still.
 
     A server that cannot be asked fails the tick, which the UI shows. A source that has gone, such
     as a disk that is not mounted, is waited for: a run could not read it. An archive whose server
@@ -52,16 +66,23 @@ def look_for_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | d
         return dg.SkipReason("meshes are generated: TACTILE_SHAPENET names no source to watch")
     for sentence in found.unwatched:
         context.log.warning(sentence)
-    seen = versions_in(context.cursor)
-    changed = [
-        name for name, version in found.versions.items() if seen.get(name, version) != version
-    ]
-    # What a server told before it fell silent is remembered: a run is for what it says then.
-    cursor = json.dumps(seen | found.versions)
-    if changed:
+    seen, new = versions_in(context.cursor)
+    changed = {
+        name: version
+        for name, version in found.versions.items()
+        if seen.get(name, version) != version
+    }
+    if changed and changed == new:
+        if said := waiting(context.instance):
+            return dg.SkipReason(said)
         request = dg.RunRequest(tags={"tactile/changed": ", ".join(changed)})
-        return dg.SensorResult(run_requests=[request], cursor=cursor)
-    said = "the source has not changed" if seen else "the source is remembered"
+        return dg.SensorResult(run_requests=[request], cursor=cursor_of(seen | found.versions, {}))
+    # What a server told before it fell silent is remembered: a run is for what it says then.
+    cursor = cursor_of(seen | found.versions | {name: seen[name] for name in changed}, changed)
+    if changed:
+        said = f"{', '.join(changed)} changed; a run is asked for once it stays as it is"
+    else:
+        said = "the source has not changed" if seen else "the source is remembered"
     return dg.SensorResult(skip_reason="; ".join([said, *found.unwatched]), cursor=cursor)
 
 
@@ -74,13 +95,21 @@ source_changes = dg.sensor(
 )(look_for_changes)
 
 
-def versions_in(cursor: str | None) -> dict[str, str]:
-    """What `source_changes` has seen, by class; nothing where there is no cursor of its kind."""
+Versions = dict[str, str]  # by class
+
+
+def cursor_of(seen: Versions, new: Versions) -> str:
+    return json.dumps({"seen": seen, "new": new})
+
+
+def versions_in(cursor: str | None) -> tuple[Versions, Versions]:
+    """What `source_changes` has acted on, and what it has seen once that is new; nothing where
+    there is no cursor of its kind."""
     try:
-        seen = json.loads(cursor or "{}")
-    except ValueError:
-        return {}
-    return seen if isinstance(seen, dict) else {}
+        found = json.loads(cursor or "{}")
+        return dict(found["seen"]), dict(found["new"])
+    except (ValueError, TypeError, KeyError):
+        return {}, {}
 
 
 @dg.sensor(

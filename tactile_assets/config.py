@@ -14,7 +14,7 @@ import dagster as dg
 from pydantic import ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
-from tactile_assets.dagster_internals import when_a_run_is_asked_for
+from tactile_assets.dagster_internals import is_schedule, when_a_run_is_asked_for
 from tactile_core.errors import TactileError
 from tactile_core.home import remembered_profile
 from tactile_core.profiles import Profile, active_profile
@@ -33,6 +33,17 @@ def profile_or_end() -> Profile:
 
 
 PROFILE = profile_or_end()
+
+
+def schedule_or_end(environ: Mapping[str, str] = os.environ) -> str | None:
+    """What `TACTILE_CRON` says, if anything; what is no schedule ends the process, too."""
+    cron = environ.get("TACTILE_CRON") or None
+    if cron is None or is_schedule(cron):
+        return cron
+    raise SystemExit(
+        f"TACTILE_CRON={cron!r} is no schedule of five fields: minute, hour, day, month and "
+        "weekday, as '0 2 * * *'"
+    )
 
 
 def which_profile(environ: Mapping[str, str] = os.environ) -> str:

@@ -24,7 +24,7 @@ from dagster._core.remote_origin import (
 from dagster._core.storage.tags import REPOSITORY_LABEL_TAG
 from dagster._core.types.loadable_target_origin import LoadableTargetOrigin
 from dagster._utils.interrupts import raise_interrupts_as
-from dagster._utils.schedules import cron_string_iterator
+from dagster._utils.schedules import cron_string_iterator, is_valid_cron_string
 
 
 def make_default_console(console: dg.LoggerDefinition) -> None:
@@ -49,6 +49,23 @@ def checking_runs(instance: dg.DagsterInstance, checks: Iterable[dg.AssetCheckKe
     storage = instance.event_log_storage
     last = storage.get_latest_asset_check_execution_by_key(list(checks))
     return {record.run_id for record in last.values()}
+
+
+def verdicts(
+    instance: dg.DagsterInstance, checks: Iterable[dg.AssetCheckKey]
+) -> dict[dg.AssetCheckKey, bool | None]:
+    """Whether each of `checks` passed, if only with a warning, when it was last executed; None
+    where that was not since the last materialisation of its asset."""
+    found: dict[dg.AssetCheckKey, bool | None] = dict.fromkeys(checks)
+    storage = instance.event_log_storage
+    for key, record in storage.get_latest_asset_check_execution_by_key(list(found)).items():
+        made = instance.get_latest_materialization_event(key.asset_key)
+        verdict = record.evaluation
+        if isinstance(verdict, dg.AssetCheckEvaluation) and made is not None:  # else it is planned
+            of = verdict.target_materialization_data
+            if of is not None and of.run_id == made.run_id:
+                found[key] = verdict.passed or verdict.severity == dg.AssetCheckSeverity.WARN
+    return found
 
 
 def run_files(home: Path, run_id: str) -> list[Path]:
@@ -98,6 +115,17 @@ def count_as_run_of(location: str, module: str, instance: dg.DagsterInstance, ru
     instance.add_run_tags(run_id, {REPOSITORY_LABEL_TAG: origin.get_label()})
     tagged = run.with_tags({**run.tags, REPOSITORY_LABEL_TAG: origin.get_label()})
     instance.run_storage.replace_job_origin(tagged, origin.get_job_origin(run.job_name))
+
+
+def is_schedule(cron: str) -> bool:
+    """Whether Dagster takes this for a schedule of five fields that has a tick at all."""
+    if len(cron.split()) != 5 or not is_valid_cron_string(cron):
+        return False
+    try:
+        next(cron_string_iterator(time.time(), cron, "UTC"))
+    except ValueError:  # as on the 31st of April
+        return False
+    return True
 
 
 def longest_wait(cron: str) -> timedelta:

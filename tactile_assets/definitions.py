@@ -38,17 +38,20 @@ from tactile_assets import (
 from tactile_assets.config import PROFILE
 from tactile_assets.dagster_internals import make_default_console
 from tactile_assets.resources import Store
+from tactile_core.machine import processors
 from tactile_core.spread import on_cluster
 
 STORE = Store.from_environment()
-STEPS_AT_A_TIME = 16  # where a Ray cluster does their work, and they only wait for it
+# A Ray cluster does their work, where there is one, and they only wait for it. Dagster would count
+# the machine's processors, also those that are not for us.
+AT_A_TIME = 16 if on_cluster() else processors()
 # Small steps are over before a process has started; long ones run side by side, one a core.
 STEPS = (
     dg.in_process_executor
     if PROFILE.name == "smoke" and not on_cluster()
     else dg.multiprocess_executor.configured(
         {
-            "max_concurrent": STEPS_AT_A_TIME if on_cluster() else None,
+            "max_concurrent": AT_A_TIME,
             "start_method": {"forkserver": {"preload_modules": ["tactile_assets.preload"]}},
         }
     )
@@ -87,6 +90,8 @@ defs = dg.Definitions(
         automation.refresh_evaluations,
         automation.dead_runs,
         notify.failed_runs,
+        notify.failed_checks,
+        notify.messages,
     ],
     resources={
         "store": STORE,

@@ -6,22 +6,30 @@ import dagster as dg
 
 from tactile_assets.chain import in_order
 from tactile_assets.config import PROFILE
-from tactile_assets.dagster_internals import stale_assets
+from tactile_assets.dagster_internals import stale_assets, verdicts
 from tactile_assets.definitions import defs
+from tactile_assets.exploration import policies_version
+from tactile_assets.metadata import table_version
 from tactile_assets.provenance import latest, own_instance
 from tactile_assets.real import MESHES
 from tactile_assets.resources import Store
 from tactile_assets.sources import news_of
+from tactile_core.addresses import one_line
 from tactile_core.errors import TactileError
+from tactile_core.files import is_local
 
 SOURCES = {"shapenet_meshes": PROFILE.meshes, **({"real_shapes": MESHES} if PROFILE.real else {})}
 IN_FOLDERS = {"unet", "policies"}  # all others are tables
+DATA_VERSION = "dagster/data_version"  # tag of a materialisation
 
 
 def main() -> None:
     """Exit with 0 where everything is fresh, else with 1; it says so either way."""
-    with own_instance() as instance:
-        reason = reason_to_run(instance, Store.from_environment())
+    try:
+        with own_instance() as instance:
+            reason = reason_to_run(instance, Store.from_environment())
+    except TactileError as error:
+        sys.exit(f"Error: {error}")
     print(reason or "Everything is fresh: there is nothing to make.")
     sys.exit(1 if reason else 0)
 
@@ -34,8 +42,8 @@ def reason_to_run(instance: dg.DagsterInstance, store: Store) -> str:
         return f"To be made: {', '.join(asset for asset in assets if asset in stale)}."
     if own := [asset for asset in assets if configured(instance, asset)]:
         return f"Made with another configuration than the profile's: {', '.join(own)}."
-    if damaged := [asset for asset in assets if not whole(store, asset)]:
-        return f"Missing or damaged: {', '.join(damaged)}."
+    if reason := what_is_stored(instance, store, assets) or failed_checks(instance):
+        return reason
     try:
         news = [news_of(instance, asset, source) for asset, source in SOURCES.items()]
     except TactileError as error:
@@ -49,23 +57,58 @@ def configured(instance: dg.DagsterInstance, asset: str) -> bool:
     return run is None or bool(run.run_config)
 
 
-def whole(store: Store, asset: str) -> bool:
-    """Whether what an asset stored is there, and every byte of it as it was written."""
+def what_is_stored(instance: dg.DagsterInstance, store: Store, assets: list[str]) -> str:
+    """Why it is not what this home's records tell of, in a sentence; "" where it is."""
+    records = {asset: latest(instance, asset)[1] for asset in assets}
+    versions = {asset: stored_version(store, asset) for asset in assets}
+    if damaged := [asset for asset in assets if versions[asset] is None]:
+        return f"Missing or damaged: {', '.join(damaged)}."
+    told = {asset: (records[asset].tags or {}).get(DATA_VERSION) for asset in assets}
+    if others := [asset for asset in assets if versions[asset] != told[asset]]:
+        return f"Other content than this home made, as its records tell: {', '.join(others)}."
+    if bare := [asset for asset in assets if not store.has_pictures(records[asset])]:
+        return f"Figures are missing, or others: of {', '.join(bare)}."
+    return ""
+
+
+def stored_version(store: Store, asset: str) -> str | None:
+    """The data version of what an asset stored; None where it is not there, or a byte of it is not
+    as it was written. Raises `TactileError` where the store is out of reach."""
     from tactile_core.evaluation.of_each_unet import policies_of_each
     from tactile_core.exploration.policies.index import read_index
+    from tactile_core.exploration.policies.store import describe
     from tactile_core.files import read_table
-    from tactile_core.reconstruction.unets import load_unets
+    from tactile_core.reconstruction.unets import load_unets, version_of
 
     try:
         if asset not in IN_FOLDERS:
-            read_table(store.path(f"{asset}.parquet"))
-            return True
+            return table_version(read_table(store.path(f"{asset}.parquet")))
         unets = load_unets(store.path("unet"))
-        if asset == "policies":
-            policies_of_each(read_index(store.path("policies")), unets)
+        if asset == "unet":
+            return version_of(unets)
+        directories = read_index(store.path("policies"))
+        policies_of_each(directories, unets)
+        return policies_version({place.name: describe(place).version for place in directories})
     except TactileError:
-        return False
-    return True
+        return None
+    except Exception as error:  # an object store's client has errors of its own
+        if is_local(store.path()):
+            raise
+        raise TactileError(
+            f"{store.path()} cannot be read ({one_line(error)}): mend that"
+        ) from error
+
+
+def failed_checks(instance: dg.DagsterInstance) -> str:
+    """Which checks did not pass, or were not made of what is stored, in a sentence; "" where all
+    passed. A run makes them once more."""
+    found = verdicts(instance, defs.get_repository_def().asset_graph.asset_check_keys)
+    names = sorted(
+        f"{key.name} of {key.asset_key.to_user_string()}{'' if passed is False else ' (not made)'}"
+        for key, passed in found.items()
+        if not passed
+    )
+    return f"Checks that have not passed: {', '.join(names)}." if names else ""
 
 
 if __name__ == "__main__":

@@ -87,17 +87,25 @@ def seconds_since(began: float) -> dg.FloatMetadataValue:
     return number(time.perf_counter() - began)
 
 
+def table_version(table: pd.DataFrame) -> str:
+    """The data version of an asset's table, made or read again: numbers with gaps are floats there.
+
+    A column `key` says how its rows were made, not what they are, and does not count.
+    """
+    gaps = [name for name, cells in table.items() if isinstance(cells.dtype, pd.Int64Dtype)]
+    return table_hash(table.drop(columns="key", errors="ignore").astype(dict.fromkeys(gaps, float)))
+
+
 def stored(
     table: pd.DataFrame, meanings: Mapping[str, str], **metadata: Any
 ) -> dg.MaterializeResult:
     """A table as the value of its asset; the hash of its content is the data version.
 
-    meanings : column → description. A column `key` says how its rows were made, not what they are,
-    and does not count.
+    meanings : column → description
     """
     return dg.MaterializeResult(
         value=table,
-        data_version=dg.DataVersion(table_hash(table.drop(columns="key", errors="ignore"))),
+        data_version=dg.DataVersion(table_version(table)),
         metadata={
             **metadata,
             "dagster/row_count": len(table),

@@ -7,10 +7,11 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import dagster as dg
+from sqlalchemy.exc import DatabaseError
 
 from tactile_assets.config import PROFILE
 from tactile_assets.paths import REPOSITORY
-from tactile_core.addresses import shown
+from tactile_core.addresses import one_line, shown
 from tactile_core.errors import TactileError
 from tactile_core.machine import commit, memory_gib, processor, processors
 from tactile_core.settings import EvaluationSettings
@@ -52,11 +53,19 @@ def how_made(instance: dg.DagsterInstance, asset: str) -> dict[str, Any]:
 
 @contextmanager
 def own_instance() -> Iterator[dg.DagsterInstance]:
-    """The Dagster instance of the home."""
-    if not os.environ.get("DAGSTER_HOME"):
+    """The Dagster instance of the home; raises `TactileError` where its records fail the block."""
+    home = os.environ.get("DAGSTER_HOME")
+    if not home:
         raise TactileError("DAGSTER_HOME is not set: activate the environment first")
-    with dg.DagsterInstance.get() as instance:
-        yield instance
+    try:
+        with dg.DagsterInstance.get() as instance:
+            yield instance
+    except DatabaseError as error:  # of a full disk, a damaged file or a server that is down
+        said = one_line(error.orig or error)
+        raise TactileError(
+            f"Dagster's records in {home} cannot be read or written ({said}): make room, or mend "
+            "that"
+        ) from error
 
 
 class Run(NamedTuple):

@@ -86,11 +86,23 @@ def last_events(instance: dg.DagsterInstance) -> list[dg.EventLogEntry]:
 
 
 def old_figures(instance: dg.DagsterInstance, store: Store, before: float) -> Iterator[Old]:
-    """Figures of `before` that no asset shows."""
+    """Figures of `before` that no asset shows; none where an asset is stored that the records do
+    not know. Another home made that, or this one before its records were lost, and its figures."""
+    if unknown(instance, store):
+        return
     shown = " ".join(str(event.asset_materialization) for event in last_events(instance))
     for figure in children(store.path("figures")):
         if figure.name not in shown and newest(figure) < before:
             yield left("figure", figure)
+
+
+def unknown(instance: dg.DagsterInstance, store: Store) -> bool:
+    """Whether the store holds an asset that was never materialised in this home."""
+    held = [file.stem for file in children(store.path()) if file.suffix == ".parquet"]
+    held += [folder for folder in ("unet", "policies") if store.path(folder).exists()]
+    return any(
+        instance.get_latest_materialization_event(dg.AssetKey(asset)) is None for asset in held
+    )
 
 
 def old_policies(store: Store, before: float) -> Iterator[Old]:

@@ -7,7 +7,9 @@ docs/results/study, or docs/results/laptop where that is not there; a test holds
 """
 
 import json
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from tactile_assets.definitions import defs
 from tactile_assets.pages import PICTURES, page, readme_part
 from tactile_assets.paths import REPOSITORY
 from tactile_assets.provenance import how_made, latest, made_here, own_instance, whole_run
-from tactile_assets.resources import Store
+from tactile_assets.resources import FIGURES, Store
 from tactile_assets.results import results_of, stored_evaluations
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.tables import (
@@ -32,6 +34,7 @@ from tactile_core.files import read_table
 RESULTS = REPOSITORY / "docs" / "results"
 README = REPOSITORY / "README.md"
 CURVES = (("per_step", "step", "figure_4.png"), ("per_grasp", "grasp", "figure_5.png"))
+DRAWN_BY = {"figure_4.png": "per_step_evaluation", "figure_5.png": "per_grasp_evaluation"}
 BEGIN, END = "<!-- results: tactile publish -->", "<!-- end of results -->"
 
 
@@ -68,16 +71,42 @@ def publish(name: str, note: str | None = None) -> None:
         about["note"] = note
     if notes:
         about["notes"] = notes
-    folder = RESULTS / name
-    folder.mkdir(parents=True, exist_ok=True)
-    for file in folder.glob("real_*.csv"):  # of an earlier run, that this one may not have
-        file.unlink()
-    for title, table in tables.items():
-        table.to_csv(folder / f"{title}.csv", index=False, float_format="%.4f")
-    for figure in PICTURES:
-        (folder / figure).write_bytes(store.path("figures", figure).read_bytes())
-    (folder / "run.json").write_text(json.dumps(about, indent=2, ensure_ascii=False) + "\n")
-    print(f"Published to {folder}")
+    pictures = {figure: picture(store, figure) for figure in PICTURES}
+    with written_anew(RESULTS / name) as folder:
+        for title, table in tables.items():
+            table.to_csv(folder / f"{title}.csv", index=False, float_format="%.4f")
+        for figure, data in pictures.items():
+            (folder / figure).write_bytes(data)
+        (folder / "run.json").write_text(json.dumps(about, indent=2, ensure_ascii=False) + "\n")
+    print(f"Published to {RESULTS / name}")
+
+
+def picture(store: Store, figure: str) -> bytes:
+    """A figure of the store; raises `TactileError` where it cannot be read."""
+    place = store.path(FIGURES, figure)
+    try:
+        return place.read_bytes()
+    except OSError as error:
+        asset = DRAWN_BY.get(figure, "rollouts")
+        raise TactileError(f"{place} cannot be read: materialise {asset} again") from error
+
+
+@contextmanager
+def written_anew(folder: Path) -> Iterator[Path]:
+    """An empty folder to write to, which takes the place of `folder` if the block succeeds: nothing
+    of an earlier run stays."""
+    aside, old = (folder.with_name(f".{folder.name}.{word}") for word in ("new", "old"))
+    for left in (aside, old):
+        shutil.rmtree(left, ignore_errors=True)
+    aside.mkdir(parents=True)
+    try:
+        yield aside
+        if folder.exists():
+            folder.rename(old)
+        aside.rename(folder)
+    finally:
+        for left in (aside, old):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def findings_of(

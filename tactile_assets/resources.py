@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from tactile_core.spread import on_cluster
 logger = logging.getLogger(__name__)
 
 FIGURES = "figures"  # among the artifacts
+SHOWN = re.compile(rf"\(/{FIGURES}/([^?]+)\?version=(\w+)\)")  # as `Store.picture` gives it
 
 
 class Store(dg.ConfigurableResource):
@@ -88,3 +90,19 @@ class Store(dg.ConfigurableResource):
         address = f"/{FIGURES}/{name}?version={content_hash(picture)}"
         sentence = f"{name} is shown by `make ui`, unless a later run has replaced it"
         return dg.MetadataValue.md(f"![{sentence}]({address}&small) [full size]({address})")
+
+    def has_pictures(self, materialisation: dg.AssetMaterialization) -> bool:
+        """Whether the pictures that a materialisation shows are there, as it kept them."""
+        texts = [
+            value.md_str or ""
+            for value in materialisation.metadata.values()
+            if isinstance(value, dg.MarkdownMetadataValue)
+        ]
+        try:
+            return all(
+                content_hash(self.path(FIGURES, name).read_bytes()) == version
+                for text in texts
+                for name, version in SHOWN.findall(text)
+            )
+        except OSError:
+            return False

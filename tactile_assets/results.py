@@ -58,12 +58,13 @@ def stored_evaluations(store: Store) -> dict[str, pd.DataFrame]:
     and that is stored; and, where TACTILE_REAL is set and both of those evaluations are stored,
     "real_per_step" and "real_per_grasp"."""
     files = {name: store.path(f"{name}_evaluation.parquet") for name in HEADINGS}
+    # Read first: a store that is out of reach is told best by what must be there.
+    tables = {name: read_table(files[name]) for name in ("per_step", "per_grasp")}
     real = [name for name in files if name.startswith("real_")]
     for names, wanted in ((real, PROFILE.real), (["attainable"], PROFILE.attainable)):
-        if not (wanted and all(files[name].exists() for name in names)):
-            for name in names:
-                del files[name]
-    return {name: read_table(file) for name, file in files.items()}
+        if wanted and all(files[name].exists() for name in names):
+            tables |= {name: read_table(files[name]) for name in names}
+    return {name: tables[name] for name in HEADINGS if name in tables}
 
 
 def results_of(table: pd.DataFrame, made: Mapping[str, Any]) -> PolicyResults:

@@ -45,15 +45,16 @@ class OneAtATime(dg.Executor):
         return self.executor.step_dependency_config
 
     def execute(self, plan_context: Any, execution_plan: Any) -> Iterator[dg.DagsterEvent]:
+        instance, run, log = plan_context.instance, plan_context.dagster_run, plan_context.log
+        worker = Worker.here()
+        # Before anything is waited for: of a run that is killed without them nobody knows that.
+        instance.add_run_tags(run.run_id, tags_of(worker))
+        count_as_run_of(LOCATION, DEFINITIONS, instance, run.run_id)
         if on_cluster():
             from tactile_core.cluster import joined
 
             with joined():  # what does not fit is told before anything is made
                 pass
-        instance, run, log = plan_context.instance, plan_context.dagster_run, plan_context.log
-        count_as_run_of(LOCATION, DEFINITIONS, instance, run.run_id)
-        worker = Worker.here()
-        instance.add_run_tags(run.run_id, tags_of(worker))
         with contextlib.ExitStack() as claims:
             with interruptible():
                 for folder in self.store.claimed_folders():

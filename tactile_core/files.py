@@ -19,6 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from upath import UPath
 
+from tactile_core.addresses import one_line
 from tactile_core.checksums import AT_A_TIME, is_whole_parquet, seal_parquet
 from tactile_core.errors import DamagedError, TactileError
 
@@ -143,6 +144,12 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise DamagedError(f"{source} cannot be read ({reason}): mend that, or {remedy}") from error
+    except Exception as error:  # an object store's client has errors of its own
+        if is_local(source) or isinstance(error, TactileError):
+            raise
+        raise DamagedError(
+            f"{source} cannot be read ({one_line(error)}): mend that, or {remedy}"
+        ) from error
 
 
 @contextlib.contextmanager

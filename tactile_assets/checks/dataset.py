@@ -84,17 +84,23 @@ def no_model_in_two_splits(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
 @dg.asset_check(asset="rotated_splits")
 def classes_are_balanced(rotated_splits: pd.DataFrame) -> dg.AssetCheckResult:
     """Every split has every class, in equal shares to within one model or 5 %."""
+    from tactile_core.dataset.shapes import SPLITS
+
     models = rotated_splits.drop_duplicates("model_id")
-    by_split = pd.crosstab(models["split"], models["category"])
+    by_split = pd.crosstab(models["split"], models["category"]).reindex(SPLITS, fill_value=0)
     sizes = by_split.sum(axis=1)
     shares = models["category"].value_counts(normalize=True)
     off = by_split.apply(lambda row: (row - sizes[row.name] * shares).abs(), axis=1)
     allowed = np.maximum(1, 0.05 * sizes)
+    lacking = [
+        f"{category} is missing in {', '.join(column.index[column == 0])}"
+        for category, column in by_split.items()
+        if (column == 0).any()
+    ]
+    shares_off = f"splits are {off.max(axis=None):.1f} models off equal shares at most"
     return dg.AssetCheckResult(
-        passed=len(by_split) == 3
-        and bool((by_split > 0).all(axis=None))
-        and not off.gt(allowed, axis=0).any(axis=None),
-        description=f"splits are {off.max(axis=None):.1f} models off equal shares at most",
+        passed=not lacking and not off.gt(allowed, axis=0).any(axis=None),
+        description="; ".join([*lacking, shares_off]),
         metadata={
             "models_by_split": counts(models, "split", "category"),
             "models_off_equal_shares": number(off.max(axis=None)),

@@ -36,12 +36,12 @@ defs = dg.Definitions(
     assets=[dataset.shapenet_meshes, rollouts, reconstruction_evaluation, dg.AssetSpec("policies")],
     jobs=[automation.whole_chain],
     schedules=[
-        dg.ScheduleDefinition(
+        dg.schedule(
             name=automation.weekly.name,
             job=automation.whole_chain,
             cron_schedule=automation.weekly.cron_schedule,
             default_status=dg.DefaultScheduleStatus.RUNNING,
-        )
+        )(automation.run_the_chain)
     ],
     sensors=[
         dg.sensor(
@@ -53,6 +53,8 @@ defs = dg.Definitions(
         automation.refresh_evaluations,
         automation.dead_runs,
         notify.failed_runs,
+        notify.failed_checks,
+        notify.messages,
     ],
     resources={"store": STORE, **io_managers.IO_MANAGERS},
     executor=runs.one_at_a_time(dg.in_process_executor, STORE),

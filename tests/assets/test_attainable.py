@@ -10,6 +10,7 @@ OBSERVE = """
 import json, sys
 from pathlib import Path
 import dagster as dg
+from tactile_assets.fresh import stored_version
 from tactile_core.exploration.policies import observer
 from tactile_core.files import read_table
 from tests.assets.running import Platform, run_for
@@ -23,8 +24,37 @@ for name in ("believed_shapes", "attainable_rollouts", "attainable_evaluation"):
     platform.materialise(name, config=run_for((name,), **settings))
 believed = read_table(platform.store.path("believed_shapes.parquet"))
 known = read_table(platform.store.path("rotated_splits.parquet"))
+for name in ("believed_shapes", "attainable_rollouts", "attainable_evaluation"):
+    assert stored_version(platform.store, name) == platform.data_versions([name])[name], name
 print(json.dumps({"strangers": not set(believed["geometry"]) & set(known["geometry"])}))
 """
+
+FOLLOW = """
+import json
+import dagster as dg
+from tactile_assets.definitions import defs
+
+every = [spec.key for spec in defs.resolve_all_asset_specs()]
+asked, cursor = [], None
+with dg.DagsterInstance.ephemeral() as instance:
+    for new in (every, [], [dg.AssetKey("policies")]):
+        for key in new:
+            instance.report_runless_asset_event(dg.AssetMaterialization(key))
+        tick = dg.evaluate_automation_conditions(defs, instance, cursor=cursor)
+        cursor = tick.cursor
+        asked = sorted(key.to_user_string() for key in every if tick.get_num_requested(key))
+print(json.dumps(asked))
+"""
+
+
+def test_the_ideal_observers_follow_new_policies_as_all_evaluations_do():
+    assert in_study(FOLLOW) == [
+        "attainable_evaluation",
+        "attainable_rollouts",
+        "per_grasp_evaluation",
+        "per_step_evaluation",
+        "rollouts",
+    ]
 
 
 def test_the_study_tells_how_much_of_what_can_be_attained_each_policy_attains(chain, tmp_path):

@@ -29,8 +29,17 @@ def test_the_schedule_asks_for_the_whole_chain_once_a_week_and_is_off(platform):
     with dg.build_schedule_context(platform.instance) as context:
         tick = schedule.evaluate_tick(context)
     assert len(tick.run_requests) == 1
+    queue(platform)
+    with dg.build_schedule_context(platform.instance) as context:
+        tick = schedule.evaluate_tick(context)
+    assert not tick.run_requests and "waits already" in tick.skip_message
     assert schedule.job_name == "whole_chain"
     assert len(defs.resolve_job_def("whole_chain").asset_layer.executable_asset_keys) == 12
+
+
+def queue(platform: Platform) -> str:
+    """A run of the whole chain that waits for its turn."""
+    return platform.instance.create_run_for_job(defs.resolve_job_def("whole_chain")).run_id
 
 
 def test_the_environment_sets_when_the_schedule_runs(tmp_path):
@@ -87,16 +96,46 @@ def look(platform: Platform, cursor: str | None = None):
         return automation.source_changes.evaluate_tick(context)
 
 
+def look_twice(platform: Platform, cursor: str | None):
+    """The second of two ticks."""
+    return look(platform, look(platform, cursor).cursor)
+
+
 def test_the_sensor_asks_for_a_run_only_when_the_source_changes(platform, source):
     first = look(platform)
     assert not first.run_requests and first.cursor
     unchanged = look(platform, first.cursor)
     assert not unchanged.run_requests and "has not changed" in unchanged.skip_message
     (source / "mug" / "two.obj").write_text("v 1 1 1\n")
-    changed = look(platform, first.cursor)
+    changed = look_twice(platform, first.cursor)
     assert len(changed.run_requests) == 1
     assert changed.cursor not in (None, first.cursor)
-    assert not look(platform, changed.cursor).run_requests
+    assert not look_twice(platform, changed.cursor).run_requests
+
+
+def test_what_is_being_copied_asks_for_no_run_until_it_stays(platform, source):
+    cursor = look(platform).cursor
+    for name in ("two", "three"):
+        (source / "mug" / f"{name}.obj").write_text("v 1 1 1\n")
+        half = look(platform, cursor)
+        assert not half.run_requests and "mug changed" in half.skip_message
+        cursor = half.cursor
+    assert len(look(platform, cursor).run_requests) == 1
+    (source / "mug" / "two.obj").unlink()
+    (source / "mug" / "three.obj").unlink()
+    assert "has not changed" in look(platform, cursor).skip_message
+
+
+def test_while_a_run_waits_no_other_is_asked_for_and_the_change_not_forgotten(platform, source):
+    first = look(platform)
+    (source / "mug" / "two.obj").write_text("v 1 1 1\n")
+    seen = look(platform, first.cursor)
+    run = queue(platform)
+    behind = look(platform, seen.cursor)
+    assert not behind.run_requests and run in behind.skip_message
+    assert behind.cursor in (None, seen.cursor)
+    platform.instance.delete_run(run)
+    assert len(look(platform, seen.cursor).run_requests) == 1
 
 
 def test_a_server_that_stops_telling_versions_asks_for_no_run(platform, make_store, monkeypatch):
@@ -112,7 +151,7 @@ def test_a_server_that_stops_telling_versions_asks_for_no_run(platform, make_sto
     store.etag = '"1"'
     assert not look(platform, quiet.cursor).run_requests
     store.etag = '"2"'
-    [request] = look(platform, quiet.cursor).run_requests
+    [request] = look_twice(platform, quiet.cursor).run_requests
     assert request.tags["tactile/changed"] == "mug"
 
 
@@ -169,9 +208,10 @@ def test_an_archive_elsewhere_asks_for_a_run_when_it_is_overwritten_and_only_the
     assert not first.run_requests and first.cursor
     assert "has not changed" in look(platform, first.cursor).skip_message
     archive.put(b"other", when=10**9 + 1)  # as long
-    [request] = look(platform, first.cursor).run_requests
+    changed = look_twice(platform, first.cursor)
+    [request] = changed.run_requests
     assert request.tags["tactile/changed"] == "mug"
-    second = look(platform, first.cursor).cursor
+    second = changed.cursor
     assert not look(platform, second).run_requests
     archive.remove()
     gone = look(platform, second)
@@ -180,7 +220,7 @@ def test_an_archive_elsewhere_asks_for_a_run_when_it_is_overwritten_and_only_the
     archive.put(b"other", when=10**9 + 1)
     assert "has not changed" in look(platform, second).skip_message
     archive.put(b"third", when=10**9 + 2)
-    assert len(look(platform, second).run_requests) == 1
+    assert len(look_twice(platform, second).run_requests) == 1
 
 
 def test_a_cursor_of_another_kind_is_forgotten(platform, source):

@@ -67,6 +67,12 @@ def test_a_class_that_is_missing_from_a_split_is_unbalanced(chain):
     assert dataset.classes_are_balanced(table).passed
     lacking = table[(table["split"] != "train") | (table["category"] != "mug")]
     assert not dataset.classes_are_balanced(lacking).passed
+    only_train = table[(table["split"] == "train") | (table["category"] != "mug")]
+    result = dataset.classes_are_balanced(only_train)
+    assert not result.passed
+    assert result.description.startswith("mug is missing in eval, test; splits are ")
+    none = dataset.classes_are_balanced(table[table["split"] != "eval"])
+    assert not none.passed and "bottle is missing in eval; mug is missing in" in none.description
 
 
 @pytest.mark.parametrize("fault", ["empty", "outside"])
@@ -165,6 +171,20 @@ def test_policies_no_better_than_random_are_found_and_only_warn_in_smoke(chain):
     result = evaluation.trained_policies_beat_random(worse)
     assert not result.passed and result.severity == dg.AssetCheckSeverity.WARN
     assert result.description == "1 of 3 policies do not beat random (50.0)"
+
+
+def test_policies_of_each_seed_are_measured_by_random_with_the_unet_of_that_seed(chain):
+    table = read_table(chain.store.path("per_step_evaluation.parquet"))
+    table = table[table["policy"].isin(["random", "total"])]
+    good = table.assign(jaccard=np.where(table["policy"] == "random", 70.0, 75.0))
+    poor = table.assign(seed=1, jaccard=np.where(table["policy"] == "random", 40.0, 45.0))
+    both = pd.concat([good, poor])
+    assert evaluation.trained_policies_beat_random(both).passed
+    worse = pd.concat([good.assign(jaccard=good["jaccard"].clip(upper=70.0)), poor])
+    result = evaluation.trained_policies_beat_random(worse)
+    assert not result.passed and result.metadata["policies_below_random"].value == 1
+    of_one_unet = pd.concat([good, poor[poor["policy"] != "random"]])
+    assert not evaluation.trained_policies_beat_random(of_one_unet).passed
 
 
 def test_an_evaluation_without_random_is_not_judged_by_it(chain):

@@ -20,7 +20,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.approaches import APPROACHES
 from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.settings import MaskSettings
-from tests.assets.running import shell
+from tests.assets.running import in_study, shell
 
 IN_ORDER = [
     "shapenet_meshes",
@@ -67,6 +67,16 @@ def test_loading_the_definitions_imports_nothing_heavy():
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_as_many_steps_run_at_a_time_as_there_are_processors_for_this_process():
+    code = """
+import json, os
+os.sched_setaffinity(0, list(os.sched_getaffinity(0))[:1])
+from tactile_assets.definitions import STEPS
+print(json.dumps(STEPS.config_schema.resolve_config({}).value["config"]["max_concurrent"]))
+"""
+    assert in_study(code) == 1
 
 
 def test_run_config_has_the_profiles_values_and_the_ui_shows_the_cores_bounds():

@@ -4,6 +4,8 @@ import sqlite3
 
 import pytest
 
+from tactile_assets.config import schedule_or_end
+from tactile_assets.paths import REPOSITORY
 from tests.assets.running import shell
 
 MESHES = "dagster asset materialize --select shapenet_meshes"
@@ -53,6 +55,50 @@ def test_a_home_of_any_usual_name_works_and_leaves_nothing_beside_it(tmp_path):
     assert done.returncode == 0, done.stderr
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert runs_recorded(tmp_path / name) == 1
+
+
+def test_a_link_of_ones_own_to_dagsters_settings_stays_and_one_to_a_checkout_follows(tmp_path):
+    link, own, other = (tmp_path / name for name in ("dagster/dagster.yaml", "own", "other"))
+    (other / "tactile_assets").mkdir(parents=True)
+    for folder in (link.parent, own, other):
+        folder.mkdir(exist_ok=True)
+        (folder / "dagster.yaml").write_text("telemetry: {enabled: false}")
+    ours = (REPOSITORY / "dagster.yaml").resolve()
+    assert shell("true", tmp_path).returncode == 0
+    assert not link.is_symlink()
+    for target, stays in (
+        (own / "dagster.yaml", True),
+        ("../own/dagster.yaml", True),
+        (other / "dagster.yaml", False),
+        ("../other/dagster.yaml", False),
+        (tmp_path / "gone" / "dagster.yaml", False),
+    ):
+        link.unlink()
+        link.symlink_to(target)
+        before = link.resolve()
+        for interpreter in ("bash", "sh"):
+            assert shell(f"{interpreter} -c '. ./environment.sh'", tmp_path).returncode == 0
+        assert link.resolve() == (before if stays else ours), target
+
+
+@pytest.mark.parametrize(
+    "cron", ["0 2 * *", "daily", "@daily", "0 0 30 2 *", "0 0 31 4 *", "0 2 * * * *"]
+)
+def test_what_is_no_schedule_ends_the_process_in_one_line(cron):
+    with pytest.raises(SystemExit, match="is no schedule of five fields: minute, hour, day"):
+        schedule_or_end({"TACTILE_CRON": cron})
+
+
+def test_a_schedule_is_taken_as_it_is_and_may_be_left_out():
+    assert schedule_or_end({"TACTILE_CRON": "0 2 29 2 *"}) == "0 2 29 2 *"
+    assert schedule_or_end({"TACTILE_CRON": ""}) is schedule_or_end({}) is None
+
+
+def test_a_command_says_so_of_a_schedule_without_a_traceback(tmp_path):
+    done = shell("dagster asset list", tmp_path, TACTILE_CRON="daily")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("TACTILE_CRON='daily' is no schedule")
+    assert "Traceback" not in done.stdout + done.stderr
 
 
 def test_sourcing_twice_halves_the_threads_once(tmp_path):

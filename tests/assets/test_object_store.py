@@ -13,7 +13,7 @@ import dagster as dg
 import pytest
 
 from tactile_assets.resources import Store
-from tests.assets.running import ALL, Platform, begin, run_for
+from tests.assets.running import ALL, Platform, begin, run_for, shell
 from tests.object_store import BUCKET, ObjectStore, object_store
 
 STORE = f"s3://{BUCKET}/store"
@@ -52,6 +52,30 @@ def test_a_killed_run_ends_in_the_data_versions_of_one_on_a_disk(chain, s3, tmp_
         assert platform.data_versions(MADE) == chain.data_versions(MADE)
     assert not [name for name in s3.names() if ".part" in name]
     assert not (tmp_path / "artifacts").exists()
+
+
+def test_a_store_without_a_key_is_told_in_one_line(tmp_path):
+    done = shell(
+        "python -m tactile_core results", tmp_path,
+        TACTILE_STORE=STORE, AWS_EC2_METADATA_DISABLED="true",
+    )  # fmt: skip
+    assert done.returncode == 1
+    [line] = done.stderr.splitlines()
+    assert line.startswith(f"Error: {STORE}/reconstruction_evaluation.parquet cannot be read (")
+    assert "credentials" in line and line.endswith("materialise reconstruction_evaluation again")
+
+
+def test_what_is_out_of_reach_is_not_taken_for_missing(tmp_path):
+    """Else `make run` would begin to make it all anew."""
+    code = (
+        "from tactile_assets.fresh import Store, stored_version; "
+        "stored_version(Store.from_environment(), 'unet')"
+    )
+    reached = {"TACTILE_STORE": STORE, "AWS_EC2_METADATA_DISABLED": "true"}
+    done = shell(f'python -c "{code}"', tmp_path, **reached)
+    last = done.stderr.splitlines()[-1]
+    assert f"{STORE} cannot be read (" in last and "credentials" in last
+    assert last.endswith("): mend that")
 
 
 def kill_at_line(text: str, process: subprocess.Popen) -> None:

@@ -20,6 +20,7 @@ PRACTISE = """
 import json, sys
 from pathlib import Path
 import dagster as dg
+from tactile_assets.fresh import stored_version
 from tactile_core.errors import TactileError
 from tactile_core.files import read_table, write_table
 from tests.assets.running import Platform, run_for
@@ -37,6 +38,8 @@ try:
 except TactileError as error:
     refused = str(error)
 platform.materialise("practice_rays", config=run_for(("practice_rays",), practice_rays=QUICK))
+made = platform.data_versions(["practice_rays"])["practice_rays"]
+assert stored_version(platform.store, "practice_rays") == made
 first, again = unet(), unet()
 recorded = read_table(table)
 write_table(recorded[recorded["sequence"] < 3], table)

@@ -69,6 +69,20 @@ def test_after_everything_old_is_gone_every_asset_loads_and_none_is_stale(aged):
     assert find_old(aged.instance, aged.store, EVERYTHING) == []
 
 
+def test_figures_stay_where_another_home_stored_an_asset_that_these_records_do_not_know(aged):
+    artifacts = aged.home / "artifacts"
+    shutil.copy(artifacts / "rollouts.parquet", artifacts / "attainable_evaluation.parquet")
+    theirs = artifacts / "figures" / "attainable_figure_4.png"
+    theirs.write_bytes(b"")
+    told(aged, EVERYTHING)
+    assert theirs.exists() and (artifacts / "figures" / "figure_4.png").exists()
+
+
+def test_figures_stay_where_the_records_were_lost(aged, platform):
+    lost = Platform(aged.home, platform.instance)
+    assert "figure" not in {old.kind for old in find_old(lost.instance, lost.store, EVERYTHING)}
+
+
 def test_a_dry_run_lists_what_would_go_with_sizes_and_removes_nothing(aged):
     files = sorted(aged.home.rglob("*"))
     lines = told(aged, EVERYTHING.model_copy(update={"dry_run": True}))

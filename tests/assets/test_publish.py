@@ -145,6 +145,29 @@ def test_results_of_several_runs_are_not_published(chain, elsewhere, tmp_path, m
     assert not elsewhere.exists()
 
 
+def test_of_an_earlier_run_nothing_stays_on_the_page(chain, elsewhere, monkeypatch):
+    (elsewhere / "some").mkdir(parents=True)
+    for left in ("attainable.csv", "attainable_curve.csv", "real_per_step.csv", "run.json"):
+        (elsewhere / "some" / left).write_text("{}")
+    publish_from(chain, monkeypatch)
+    assert not list((elsewhere / "some").glob("attainable*"))
+    assert not list((elsewhere / "some").glob("real*"))
+    assert [folder.name for folder in elsewhere.iterdir()] == ["some"]
+
+
+def test_a_figure_that_is_missing_is_named_with_its_asset_and_leaves_the_page_as_it_was(
+    chain, elsewhere, tmp_path, monkeypatch
+):
+    shutil.copytree(chain.home, tmp_path / "home", symlinks=True)
+    (tmp_path / "home" / "artifacts" / "figures" / "figure_5.png").unlink()
+    (elsewhere / "some").mkdir(parents=True)
+    (elsewhere / "some" / "run.json").write_text("{}")
+    copy = Platform(tmp_path / "home", chain.instance)
+    with pytest.raises(TactileError, match=r"figure_5.png .*materialise per_grasp_evaluation"):
+        publish_from(copy, monkeypatch)
+    assert [file.name for file in elsewhere.rglob("*")] == ["some", "run.json"]
+
+
 def test_other_variables_than_those_of_the_run_are_refused(chain, elsewhere, monkeypatch):
     monkeypatch.setenv("TACTILE_PROFILE", "laptop")
     with pytest.raises(TactileError, match="set the same"):

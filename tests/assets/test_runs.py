@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 
 import dagster as dg
@@ -58,6 +59,18 @@ def test_an_interrupt_ends_a_run_that_waits(platform):
         until(lambda: runs(platform) and says(platform, runs(platform)[0], "waits until somebody"))
         run.send_signal(signal.SIGINT)
         assert run.wait() != 0
+    assert runs(platform)[0].status == DagsterRunStatus.FAILURE
+
+
+def test_a_run_that_is_killed_while_it_waits_for_a_cluster_is_over(platform):
+    """Else it would stand in the way of every other."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"127.0.0.1:{silent.getsockname()[1]}"
+        with begin(MESHES, platform.home, RAY_ADDRESS=address) as process:
+            until(lambda: runs(platform) and PID in runs(platform)[0].tags, seconds=60)
+            process.kill()
+    assert runs(platform)[0].status == DagsterRunStatus.STARTED
+    end_dead_runs(platform.instance)
     assert runs(platform)[0].status == DagsterRunStatus.FAILURE
 
 

@@ -229,7 +229,7 @@ def _in_processes(
             except BrokenProcessPool as error:
                 raise TactileError(
                     "a process that renders masks died: give it more memory, choose masks.renderer "
-                    "rasteriser if OpenGL is to blame, or, in a script of your own, call this below "
+                    "rasteriser if OpenGL is to blame or, in a script of your own, call this below "
                     'if __name__ == "__main__"'
                 ) from error
 
