@@ -32,6 +32,16 @@ def test_the_readmes_results_are_those_of_the_published_run():
     assert with_results(README.read_text(), published) == README.read_text(), "run: tactile publish"
 
 
+def test_the_readme_begins_with_the_published_numbers():
+    last = pd.read_csv(shown_run() / "per_step.csv").set_index("policy")["ray 10"]
+    reached = last.str.split().str[0].astype(float)
+    of_the_report = ["diff", "total", "total_miss", "pre_diff_miss"]
+    told = [reached["recall"], reached["random"], reached[["even", "coverage"]].max(),
+            reached[of_the_report].max()]  # fmt: skip
+    sentence = README.read_text().split("**")[1]
+    assert [float(number) for number in re.findall(r"\d+\.\d", sentence)] == told
+
+
 @pytest.mark.parametrize("run", PUBLISHED, ids=lambda run: run.name)
 def test_every_published_run_has_a_page_with_its_tables_and_pictures(run):
     written = (run / "README.md").read_text()
