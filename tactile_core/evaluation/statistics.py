@@ -216,8 +216,8 @@ def read_rollouts(table: pd.DataFrame, index: str, columns: list[str]) -> Rollou
 def carried_forward(jaccard: np.ndarray) -> np.ndarray:
     """(S, N, T) Jaccard per grasp with each null replaced by the last one before it.
 
-    A rollout that runs out of rays counts as at its last touch: leaving it out would reward a policy
-    for failing on hard shapes. What misses after that one may tell a U-Net that sees free space does
+    A rollout that runs out of rays counts as at its last touch: leaving it out would reward a
+    policy for failing on hard shapes. What later misses may tell a U-Net that sees free space does
     not count. A rollout without any touch counts as 0.
     """
     reached = ~np.isnan(jaccard)
