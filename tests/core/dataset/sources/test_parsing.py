@@ -210,7 +210,8 @@ def test_a_scene_of_several_bodies_keeps_each_in_its_place():
 )
 def test_meshes_are_centred_and_have_diagonal_one_whatever_they_were(vertices, faces, scale):
     a, b, c = vertices[faces].transpose(1, 0, 2)
-    assume(np.linalg.norm(np.cross(b - a, c - a), axis=1).min() > 1)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    assume(areas.min() > max(1, 0.01 * areas.sum()))  # a face that is a speck may be left out
     used = vertices[np.unique(faces)]
     text = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in (vertices * scale).tolist())
     text += "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)

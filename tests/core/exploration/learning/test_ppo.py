@@ -31,8 +31,8 @@ def test_the_second_stage_meets_other_masks_than_the_first(train, monkeypatch):
     met = []
 
     class Watched(ppo.BatchedTactileEnv):
-        def restart(self, which):
-            super().restart(which)
+        def restart(self, which, *options):
+            super().restart(which, *options)
             met.append((self.stage.ends, self.drawn[which].tolist()))
 
     monkeypatch.setattr(ppo, "BatchedTactileEnv", Watched)
