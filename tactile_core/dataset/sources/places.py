@@ -8,7 +8,7 @@ own folders need not be named anywhere: each is a class.
 import os
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
@@ -59,21 +59,34 @@ def own_classes(location: str) -> dict[str, str]:
         return {}
     root = as_path(address)
     files, left_out = walk(root)
-    parts = [PurePosixPath(name).parts for name in files]
-    meshes = [p for p in parts if p[-1].lower().endswith(SUFFIXES) and not hidden(p)]
-    if any(len(names) == 1 for names in meshes):
+    meshes = _meshes_in(files)
+    if any(len(parts) == 1 for parts in meshes):
         return {_name_of(root): location if is_address(location) else f"./{location}"}
-    names = {names[0] for names in meshes}
+    names = {parts[0] for parts in meshes}
     for name, why in left_out.items():
-        top, *below = PurePosixPath(name).parts or (".",)
-        if not name.endswith("/") or below or (hidden((top,)) and top != ".") or top in NO_CLASSES:
+        if (folder := _may_be_class(name)) is None:
             continue
-        if why == OUT:  # where it leads to is the class itself, as if it had been named
-            names |= {top} if walk(root / top).files else set()
-        else:
-            place = root if top == "." else root / top
+        place = root / folder
+        if why != OUT:
             raise TactileError(f"{shown(str(place))} {why}: make it readable, or move it away")
+        if _meshes_in(walk(place).files):  # a link that is a class, as if it had been named
+            names.add(folder)
     return {name: SHAPENET_CLASSES.get(name, name) for name in sorted(names)}
+
+
+def _meshes_in(files: Iterable[str]) -> list[tuple[str, ...]]:
+    """The parts of each path that is a mesh's."""
+    every = (PurePosixPath(name).parts for name in files)
+    return [p for p in every if p[-1].lower().endswith(SUFFIXES) and not hidden(p)]
+
+
+def _may_be_class(left_out: str) -> str | None:
+    """The name of a folder in a location that was left out, "" for the location itself; None for
+    what lies deeper, is hidden, or is no folder."""
+    folder, slash, below = left_out.partition("/")
+    if not slash or below or folder in NO_CLASSES:
+        return None
+    return "" if folder == "." else None if hidden((folder,)) else folder
 
 
 def own_folders(address: str) -> bool:

@@ -31,8 +31,8 @@ def test_a_class_that_is_a_link_is_read_as_one_that_was_named(collect, tmp_path)
     make_folder(tmp_path / "elsewhere", {"a.obj": obj()})
     make_folder(tmp_path / "source", {"cup/b.obj": obj(2)})
     (tmp_path / "source/vase").symlink_to(tmp_path / "elsewhere")
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "source/none").symlink_to(tmp_path / "empty")
+    make_folder(tmp_path / "pictures", {"c.png": b"no mesh", ".trash/d.obj": obj(3)})
+    (tmp_path / "source/pictures").symlink_to(tmp_path / "pictures")
     manifest = collect(classes=None)
     assert manifest[["category", "model_id"]].values.tolist() == [["cup", "b"], ["vase", "a"]]
 
@@ -59,7 +59,7 @@ def test_a_folder_that_cannot_be_read_is_told_and_no_class_is_missing_in_silence
     make_folder(tmp_path / "source", {"cup/a.obj": obj(), "vase/b.obj": obj(2)})
     unreadable(monkeypatch, tmp_path / "source" / closed)
     message = refusal(collect, classes=None)
-    assert f"{(tmp_path / 'source' / closed)} cannot be read (Permission denied)" in message
+    assert f"{tmp_path / 'source' / closed} cannot be read (Permission denied)" in message
 
 
 def test_what_every_disk_has_is_no_class(collect, tmp_path, monkeypatch):
