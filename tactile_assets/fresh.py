@@ -14,9 +14,7 @@ from tactile_assets.provenance import latest, own_instance
 from tactile_assets.real import MESHES
 from tactile_assets.resources import Store
 from tactile_assets.sources import news_of
-from tactile_core.addresses import one_line
-from tactile_core.errors import TactileError
-from tactile_core.files import is_local
+from tactile_core.errors import OutOfReachError, TactileError
 
 SOURCES = {"shapenet_meshes": PROFILE.meshes, **({"real_shapes": MESHES} if PROFILE.real else {})}
 IN_FOLDERS = {"unet", "policies"}  # all others are tables
@@ -73,7 +71,7 @@ def what_is_stored(instance: dg.DagsterInstance, store: Store, assets: list[str]
 
 def stored_version(store: Store, asset: str) -> str | None:
     """The data version of what an asset stored; None where it is not there, or a byte of it is not
-    as it was written. Raises `TactileError` where the store is out of reach."""
+    as it was written. Raises `OutOfReachError` where the store does not answer."""
     from tactile_core.evaluation.of_each_unet import policies_of_each
     from tactile_core.exploration.policies.index import read_index
     from tactile_core.exploration.policies.store import describe
@@ -89,14 +87,10 @@ def stored_version(store: Store, asset: str) -> str | None:
         directories = read_index(store.path("policies"))
         policies_of_each(directories, unets)
         return policies_version({place.name: describe(place).version for place in directories})
+    except OutOfReachError:
+        raise
     except TactileError:
         return None
-    except Exception as error:  # an object store's client has errors of its own
-        if is_local(store.path()):
-            raise
-        raise TactileError(
-            f"{store.path()} cannot be read ({one_line(error)}): mend that"
-        ) from error
 
 
 def failed_checks(instance: dg.DagsterInstance) -> str:

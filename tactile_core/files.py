@@ -21,7 +21,7 @@ from upath import UPath
 
 from tactile_core.addresses import one_line
 from tactile_core.checksums import AT_A_TIME, is_whole_parquet, seal_parquet
-from tactile_core.errors import DamagedError, TactileError
+from tactile_core.errors import DamagedError, OutOfReachError, TactileError
 
 PART = re.compile(r"\.[0-9a-f]{32}\.part")  # a file while it is written
 # What no second try mends, and what does.
@@ -126,12 +126,13 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
 
     asset : that stores it; None: the one that the file is named after
 
-    Raises `DamagedError` where the file is missing, or a byte of it has changed.
+    Raises `DamagedError` where the file is missing, or a byte of it has changed, and
+    `OutOfReachError` where its store does not answer.
     """
     source = UPath(path)
     remedy = f"materialise {asset or source.stem} again"
     try:
-        with _at_hand(source) as file:
+        with _in_reach(source), _at_hand(source) as file:
             if not is_whole_parquet(file):
                 raise DamagedError(f"{source} is damaged, as its checksum tells: {remedy}")
             stored = pq.ParquetFile(file)
@@ -144,12 +145,24 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise DamagedError(f"{source} cannot be read ({reason}): mend that, or {remedy}") from error
-    except Exception as error:  # an object store's client has errors of its own
-        if is_local(source) or isinstance(error, TactileError):
+
+
+def stored_bytes(path: UPath) -> bytes:
+    """The bytes of a stored file; raises `OSError`, and `OutOfReachError` where an object store has
+    another error, as without a key."""
+    with _in_reach(path):
+        return path.read_bytes()
+
+
+@contextlib.contextmanager
+def _in_reach(path: UPath) -> Iterator[None]:
+    """Raises `OutOfReachError` for what an object store's client raises besides `OSError`."""
+    try:
+        yield
+    except Exception as error:
+        if is_local(path) or isinstance(error, OSError | TactileError):
             raise
-        raise DamagedError(
-            f"{source} cannot be read ({one_line(error)}): mend that, or {remedy}"
-        ) from error
+        raise OutOfReachError(f"{path} cannot be read ({one_line(error)}): mend that") from error
 
 
 @contextlib.contextmanager

@@ -15,8 +15,15 @@ from upath import UPath
 from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
+from tactile_core.errors import OutOfReachError, TactileError
+from tactile_core.files import (
+    content_hash,
+    read_table,
+    stored_bytes,
+    table_hash,
+    write_table,
+    written_whole,
+)
 from tactile_core.reconstruction.known_shapes import (
     PACKED_SHAPES,
     KnownShapes,
@@ -131,13 +138,15 @@ def save_unet(unet: TrainedUNet, directory: UPath) -> None:
 def load_unet(directory: UPath) -> TrainedUNet:
     """Read what `save_unet` wrote; raises `TactileError` where it is missing or damaged."""
     try:
-        description = unsealed_json((directory / "settings.json").read_bytes(), StoredUNet)
-        data = (directory / "model.safetensors").read_bytes()
+        description = unsealed_json(stored_bytes(directory / "settings.json"), StoredUNet)
+        data = stored_bytes(directory / "model.safetensors")
         if content_hash(data, description.resolution) != description.version:
             raise ValueError("these are not the weights that settings.json tells of")
         weights = safetensors.torch.load(data)
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no trained U-Net: materialise unet first") from error
+    except OutOfReachError:
+        raise
     except (OSError, ValueError, SafetensorError) as error:
         reason = problems(error) if isinstance(error, ValidationError) else error
         raise TactileError(

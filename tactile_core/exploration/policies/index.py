@@ -11,9 +11,9 @@ from typing import Any
 
 from upath import UPath
 
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.exploration.policies.store import describe
-from tactile_core.files import written_whole
+from tactile_core.files import stored_bytes, written_whole
 
 INDEX = "index.json"
 
@@ -30,8 +30,10 @@ def read_index(folder: UPath) -> list[UPath]:
     Raises `TactileError` where there are none, or one is of another training.
     """
     try:
-        data = (folder / INDEX).read_bytes()
+        data = stored_bytes(folder / INDEX)
         versions = json.loads(data, object_pairs_hook=each_once)
+    except OutOfReachError:
+        raise
     except (OSError, ValueError) as error:
         raise TactileError(f"{folder} holds no trained policies: materialise policies") from error
     if not isinstance(versions, dict) or not all(map(is_entry, versions.items())):

@@ -16,14 +16,21 @@ from torch import Tensor
 from upath import UPath
 
 from tactile_core.checksums import sealed_json, unsealed_json
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.ppo import PPOPolicy, net_with
 from tactile_core.exploration.policies.recall import RecallPolicy, load_known_shapes
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
 from tactile_core.exploration.policies.sequence import SequencePolicy
 from tactile_core.exploration.world.circle import circle_pixels
-from tactile_core.files import content_hash, read_table, table_hash, write_table, written_whole
+from tactile_core.files import (
+    content_hash,
+    read_table,
+    stored_bytes,
+    table_hash,
+    write_table,
+    written_whole,
+)
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES
 from tactile_core.settings import PolicySettings, Settings, problems
@@ -83,11 +90,13 @@ def save_policy(
 def describe(directory: UPath) -> StoredPolicy:
     """What is stored in `directory`; raises `TactileError` where it is missing or damaged."""
     try:
-        return unsealed_json((directory / DESCRIPTION).read_bytes(), StoredPolicy)
+        return unsealed_json(stored_bytes(directory / DESCRIPTION), StoredPolicy)
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
     except ValidationError as error:
         raise damaged(directory, problems(error)) from error
+    except OutOfReachError:
+        raise
     except (OSError, ValueError) as error:
         raise damaged(directory, f"{DESCRIPTION} {error}") from error
 
@@ -95,12 +104,14 @@ def describe(directory: UPath) -> StoredPolicy:
 def read_weights(directory: UPath, description: StoredPolicy) -> dict[str, Tensor]:
     """The tensors that `description` speaks of; raises `TactileError` where they are others."""
     try:
-        data = (directory / WEIGHTS).read_bytes()
+        data = stored_bytes(directory / WEIGHTS)
         if content_hash(data) != description.version:
             raise ValueError("or its weights and settings are of two trainings")
         return safetensors.torch.load(data)
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
+    except OutOfReachError:
+        raise
     except (OSError, ValueError, SafetensorError) as error:
         raise damaged(directory, str(error)) from error
 
