@@ -29,7 +29,7 @@ from tactile_core.evaluation.tables import (
     hyperparameter_rows,
     reconstruction_rows,
 )
-from tactile_core.files import read_table
+from tactile_core.files import read_table, stored_bytes
 
 RESULTS = REPOSITORY / "docs" / "results"
 README = REPOSITORY / "README.md"
@@ -85,7 +85,7 @@ def picture(store: Store, figure: str) -> bytes:
     """A figure of the store; raises `TactileError` where it cannot be read."""
     place = store.path(FIGURES, figure)
     try:
-        return place.read_bytes()
+        return stored_bytes(place)
     except OSError as error:
         asset = DRAWN_BY.get(figure, "rollouts")
         raise TactileError(f"{place} cannot be read: materialise {asset} again") from error

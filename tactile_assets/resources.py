@@ -12,7 +12,7 @@ from pydantic import Field
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, is_local, read_table, written_whole
+from tactile_core.files import content_hash, is_local, read_table, stored_bytes, written_whole
 from tactile_core.home import check_one_home, find_artifacts, find_home
 from tactile_core.spread import on_cluster
 
@@ -100,7 +100,7 @@ class Store(dg.ConfigurableResource):
         ]
         try:
             return all(
-                content_hash(self.path(FIGURES, name).read_bytes()) == version
+                content_hash(stored_bytes(self.path(FIGURES, name))) == version
                 for text in texts
                 for name, version in SHOWN.findall(text)
             )

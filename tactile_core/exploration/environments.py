@@ -84,9 +84,11 @@ def find_interface(
     actions: Any, channels: Sequence[Any] | None, interface: Interface | None
 ) -> Interface:
     """The interface, whole or by its parts."""
+    parts = {"actions": actions, "channels": channels}
+    given = {name: part for name, part in parts.items() if part is not None}
     if interface is None:
-        return Interface(actions or "alpha and beta", tuple(channels or ()))
-    if actions is not None or channels is not None:
+        return Interface(**given)
+    if given:
         raise TactileError("interface= has actions and channels: give these or that")
     return interface
 

@@ -166,8 +166,7 @@ def coarse(images: Tensor, pool: Callable[..., Tensor] = functional.max_pool2d) 
 def turned_back(images: Tensor) -> Tensor:
     """Images (N, C, C) as they look where a shape in each orientation is turned back to its first,
     (8N, C²)."""
-    orders = cells_by_turn(images.shape[-1]).argsort(dim=1).to(images.device)  # (8, C²)
-    return images.flatten(1)[:, orders].flatten(0, 1)
+    return images.flatten(1)[:, cells_back(images.shape[-1]).to(images.device)].flatten(0, 1)
 
 
 def turned(images: Tensor, side: int) -> Tensor:
@@ -182,3 +181,9 @@ def cells_by_turn(side: int) -> Tensor:
     return torch.from_numpy(
         np.concatenate([orient(cells, turn).reshape(1, -1) for turn in range(ORIENTATIONS)])
     )
+
+
+@functools.cache
+def cells_back(side: int) -> Tensor:
+    """Where each cell of C·C has come to lie in every orientation, (8, C²) int64: the way back."""
+    return cells_by_turn(side).argsort(dim=1)
