@@ -40,7 +40,7 @@ def reason_to_run(instance: dg.DagsterInstance, store: Store) -> str:
         return f"To be made: {', '.join(asset for asset in assets if asset in stale)}."
     if own := [asset for asset in assets if configured(instance, asset)]:
         return f"Made with another configuration than the profile's: {', '.join(own)}."
-    if reason := what_is_stored(instance, store, assets) or failed_checks(instance):
+    if reason := what_is_stored(instance, store, assets) or unpassed_checks(instance):
         return reason
     try:
         news = [news_of(instance, asset, source) for asset, source in SOURCES.items()]
@@ -93,7 +93,7 @@ def stored_version(store: Store, asset: str) -> str | None:
         return None
 
 
-def failed_checks(instance: dg.DagsterInstance) -> str:
+def unpassed_checks(instance: dg.DagsterInstance) -> str:
     """Which checks did not pass, or were not made of what is stored, in a sentence; "" where all
     passed. A run makes them once more."""
     found = verdicts(instance, defs.get_repository_def().asset_graph.asset_check_keys)

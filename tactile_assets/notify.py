@@ -12,6 +12,7 @@ from pathlib import Path
 import dagster as dg
 import requests
 
+from tactile_assets.automation import HALF_A_MINUTE
 from tactile_assets.console import event_text, reason, short_name
 from tactile_assets.resources import Store
 from tactile_core.errors import OutOfReachError, TactileError
@@ -19,7 +20,6 @@ from tactile_core.files import written_whole
 
 VARIABLE = "TACTILE_WEBHOOK"
 FOLDER = "messages"  # in the home
-HALF_A_MINUTE = 30
 
 
 @dg.run_failure_sensor(

@@ -8,9 +8,9 @@ import pytest
 
 from tactile_assets.fresh import (
     configured,
-    failed_checks,
     reason_to_run,
     stored_version,
+    unpassed_checks,
     what_is_stored,
 )
 from tactile_assets.provenance import own_instance
@@ -31,7 +31,7 @@ def lived_in(chain, tmp_path) -> Iterator[Platform]:
 
 def test_after_a_run_all_is_there_and_nothing_is_stale(chain):
     assert what_is_stored(chain.instance, chain.store, ALL) == ""
-    assert failed_checks(chain.instance) == ""
+    assert unpassed_checks(chain.instance) == ""
     # Only that the tests' run had a configuration of its own keeps it from being the profile's.
     assert all(configured(chain.instance, asset) for asset in ALL)
     assert reason_to_run(chain.instance, chain.store).startswith("Made with another configuration")
@@ -81,7 +81,7 @@ def test_checks_that_failed_or_were_not_made_of_what_is_stored_are_named(lived_i
     write_table(read_table(place).assign(model_id="one"), place)
     lived_in.check("rotated_splits")
     lived_in.instance.report_runless_asset_event(dg.AssetMaterialization("outlines"))
-    assert failed_checks(lived_in.instance) == (
+    assert unpassed_checks(lived_in.instance) == (
         "Checks that have not passed: classes_are_balanced of rotated_splits, "
         "no_model_in_two_splits of rotated_splits, "
         "outlines_lie_on_their_masks of outlines (not made)."
