@@ -19,6 +19,8 @@ from tactile_core.reconstruction.known_shapes import KnownShapes
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.settings import EvaluationSettings, ObserverSettings, RolloutSettings
 
+SAMPLES_AT_A_TIME = 6  # some minutes of work, which a killed run has to do again
+
 
 def cast_observers(
     test: Shapes,
@@ -43,10 +45,17 @@ def cast_observers(
     observers = [IdealObserver(known), *([IdealObserver(known, scorer)] if scorer else [])]
     rays = RolloutSettings(references=[], count=RAYS, ray_limit=RAYS, seed=settings.seed)
     some = one_of_each(test, settings.samples)
-    table = cast_rollouts(observers, some, unet, rays, previous, progress, work=work)
+    tables = []
+    for start in range(0, len(some), SAMPLES_AT_A_TIME):
+        portion = some.select(np.arange(len(some))[start : start + SAMPLES_AT_A_TIME])
+
+        def tell(message: str, before: int = start) -> None:
+            progress(f"{before} of {len(some)} samples are done; {message}")
+
+        tables.append(cast_rollouts(observers, portion, unet, rays, previous, tell, work=work))
     if work is not None:
         remove_folder(work)
-    return table.assign(seed=seed)
+    return pd.concat(tables, ignore_index=True).assign(seed=seed)
 
 
 def one_of_each(test: Shapes, count: int) -> Shapes:

@@ -15,8 +15,7 @@ from tactile_core.exploration.policies import observer
 from tactile_core.files import read_table
 from tests.assets.running import Platform, run_for
 
-for name in ("DRAWN", "FIRST", "SECOND", "BEYOND"):
-    setattr(observer, name, 2)
+observer.ROUNDS, observer.SECOND, observer.BEYOND = ((2, 2), (1, 1)), 2, 2
 few = {"believed": {"mug": 2, "bottle": 2}, "samples": 2}
 platform = Platform(Path(sys.argv[1]), dg.DagsterInstance.ephemeral())
 for name in ("believed_shapes", "attainable_rollouts", "attainable_evaluation"):

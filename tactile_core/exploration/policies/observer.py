@@ -11,23 +11,25 @@ import numpy as np
 
 from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.recall import try_rays
-from tactile_core.exploration.policies.scorer import RayScorer, best_apart, best_rays_apart
+from tactile_core.exploration.policies.scorer import RayScorer, best_rays_apart
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import content_hash
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack
 
 GREEDY, AHEAD = "observer", "observer_ahead"
-DRAWN = 32  # shapes from the belief that every candidate ray is tried on
-FIRST, SECOND = 8, 8  # rays that it looks beyond, and rays that it tries after each of them
-BEYOND = 12  # shapes from the belief that it looks beyond them on, and again after each
+# Shapes from the belief that the candidate rays left are tried on, and how many rays are left then:
+# a race, since most rays are clearly worse than the best after a few shapes.
+ROUNDS = ((6, 36), (30, 6), (128, 1))
+SECOND = 6  # rays that it tries after each of those before the last round
+BEYOND = 10  # shapes from the belief that it looks beyond them on, and again after each
 
 
 class IdealObserver:
     """Casts the ray after which, over shapes drawn from its belief, the Jaccard index is highest.
 
     ahead : a ray scorer; with it the index after the next ray but one counts. It is tried for the
-        `FIRST` best of every other candidate ray, with the `SECOND` rays that the scorer
+        rays that are left before the last of `ROUNDS`, with the `SECOND` rays that the scorer
         values most after each of them. The last of the ten rays is chosen without.
     """
 
@@ -55,12 +57,23 @@ class IdealObserver:
 
     def choose_one(self, one: Explorations, rng: np.random.Generator) -> np.ndarray:
         """The next ray (2,) of a single exploration."""
-        rays = candidate_rays(one.resolution).reshape(-1, 2)
-        expected = self.expected(one, rays[None], DRAWN, rng)[0]  # (C,)
         if self.ahead is None or one.rays[0] >= RAYS - 1:
-            return rays[expected.argmax()]
-        first = rays[best_apart(expected[None], FIRST)[0]]
+            return self.best_rays(one, ROUNDS, rng)[0]
+        first = self.best_rays(one, ROUNDS[:-1], rng)
         return first[self.two_ahead(one, first, self.ahead, rng).argmax()]
+
+    def best_rays(
+        self, one: Explorations, rounds: tuple[tuple[int, int], ...], rng: np.random.Generator
+    ) -> np.ndarray:
+        """The candidate rays (K, 2) that are left after `rounds`, best first; those that are left
+        have been tried on the same shapes."""
+        rays = candidate_rays(one.resolution).reshape(-1, 2)
+        summed = np.zeros(len(rays))
+        for shapes, left in rounds:
+            summed = summed + shapes * self.expected(one, rays[None], shapes, rng)[0]
+            best = np.argsort(-summed, kind="stable")[:left]
+            rays, summed = rays[best], summed[best]
+        return rays
 
     def two_ahead(
         self, one: Explorations, first: np.ndarray, scorer: RayScorer, rng: np.random.Generator

@@ -20,7 +20,8 @@ READ = EvaluationSettings(resamples=50)
 @pytest.fixture(scope="module")
 def observed(shapes, unet):
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("DRAWN", "FIRST", "SECOND", "BEYOND"):
+        patch.setattr(observer, "ROUNDS", ((2, 2), (1, 1)))
+        for name in ("SECOND", "BEYOND"):
             patch.setattr(observer, name, 2)
         belief = shapes["train"].masks
         return cast_observers(shapes["test"], 0, unet, belief, RayScorer().eval(), SETTINGS)

@@ -15,8 +15,7 @@ from tactile_core.reconstruction.known_shapes import KnownShapes
 @pytest.fixture
 def quick(monkeypatch):
     """Few draws: what is tested holds for any number."""
-    monkeypatch.setattr(observer, "DRAWN", 2)
-    monkeypatch.setattr(observer, "FIRST", 3)
+    monkeypatch.setattr(observer, "ROUNDS", ((2, 3), (2, 1)))
     monkeypatch.setattr(observer, "SECOND", 2)
     monkeypatch.setattr(observer, "BEYOND", 2)
 
@@ -52,12 +51,31 @@ def test_looking_ahead_it_casts_the_ray_that_is_best_with_the_next_one(
 ):
     policy = IdealObserver(KnownShapes(shapes["train"].masks), RayScorer().eval())
     explorations = Explorations(shapes["test"].masks[:1], reconstructor)
-    rays = candidate_rays(64).reshape(-1, 2)
     monkeypatch.setattr(policy, "two_ahead", lambda one, first, scorer, rng: np.array([0, 2, 1]))
-    expected = policy.expected(explorations, rays[None], 2, np.random.default_rng(1))[0]
-    second_best = observer.best_apart(expected[None], 3)[0][1]
+    left = policy.best_rays(explorations, observer.ROUNDS[:-1], np.random.default_rng(1))
     chosen = policy.choose(explorations, np.random.default_rng(1), True)[0]
-    np.testing.assert_array_equal(chosen, rays[second_best])
+    np.testing.assert_array_equal(chosen, left[1])
+
+
+def test_rays_race_and_those_left_have_been_tried_on_every_shape(
+    quick, shapes, reconstructor, monkeypatch
+):
+    policy = IdealObserver(KnownShapes(shapes["train"].masks))
+    explorations = Explorations(shapes["test"].masks[:1], reconstructor)
+    rays = candidate_rays(64).reshape(-1, 2)
+    rounds = [np.arange(396.0), np.array([0.0, 5.0, 0.0, 0.0])]
+    scores = iter(rounds)
+    tried = []
+
+    def expected(one, candidates, shapes, rng):
+        tried.append((len(candidates[0]), shapes))
+        return next(scores)[None]
+
+    monkeypatch.setattr(policy, "expected", expected)
+    chosen = policy.best_rays(explorations, ((2, 4), (4, 2)), np.random.default_rng(1))
+    assert tried == [(396, 2), (4, 4)]
+    # After two shapes 395, 394, 393, 392; over all six (395·2, 394·2 + 5·4, …) / 6.
+    np.testing.assert_array_equal(chosen, rays[[394, 395]])
 
 
 def test_the_last_ray_is_chosen_for_itself(quick, shapes, reconstructor):
