@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from tactile_core.errors import TactileError
+from tactile_core.evaluation import attainable
 from tactile_core.evaluation.attainable import attainable_reading, cast_observers, one_of_each
 from tactile_core.evaluation.rollouts import cast_rollouts, code_behind
 from tactile_core.evaluation.statistics import summarise_steps
@@ -18,13 +19,19 @@ READ = EvaluationSettings(resamples=50)
 
 
 @pytest.fixture(scope="module")
-def observed(shapes, unet):
+def quick():
+    """Few draws: what is tested holds for any number."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(observer, "ROUNDS", ((2, 2), (1, 1)))
         for name in ("SECOND", "BEYOND"):
             patch.setattr(observer, name, 2)
-        belief = shapes["train"].masks
-        return cast_observers(shapes["test"], 0, unet, belief, RayScorer().eval(), SETTINGS)
+        yield
+
+
+@pytest.fixture(scope="module")
+def observed(quick, shapes, unet):
+    belief = shapes["train"].masks
+    return cast_observers(shapes["test"], 0, unet, belief, RayScorer().eval(), SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +44,37 @@ def test_observers_cast_ten_rays_on_one_sample_of_each_model(observed):
     assert set(observed["policy"]) == {"observer", "observer_ahead"}
     assert observed["sample_id"].nunique() == observed["model_id"].nunique() == 2
     assert (observed.groupby(["policy", "sample_id"]).size() == 10).all()
+
+
+def test_a_killed_run_keeps_what_observers_cast_of_some_samples_at_a_time(
+    quick, shapes, unet, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(attainable, "SAMPLES_AT_A_TIME", 1)
+    belief = shapes["train"].masks
+
+    def observe(progress):
+        return cast_observers(
+            shapes["test"], 0, unet, belief, None, SETTINGS, progress=progress, work=tmp_path
+        )
+
+    def killed(message: str) -> None:
+        if message.startswith("1 of 2 samples are done"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        observe(killed)
+    asked = []
+    choose = observer.IdealObserver.choose_one
+
+    def counted(self, one, rng):
+        asked.append(one)
+        return choose(self, one, rng)
+
+    monkeypatch.setattr(observer.IdealObserver, "choose_one", counted)
+    table = observe(lambda message: None)
+    assert len(asked) == 10  # of the second sample alone
+    assert (table.groupby("sample_id").size() == 10).all()
+    assert table["sample_id"].nunique() == 2
 
 
 def test_samples_are_spread_over_the_models(shapes):
