@@ -11,8 +11,8 @@ from upath import UPath
 
 from tactile_assets.trainings import PlannedTraining
 from tactile_core.checksums import sealed_json, unsealed_json
-from tactile_core.errors import TactileError
-from tactile_core.files import read_table, write_table, written_whole
+from tactile_core.errors import OutOfReachError, TactileError
+from tactile_core.files import read_table, stored_bytes, write_table, written_whole
 
 if TYPE_CHECKING:
     from tactile_core.reconstruction.trained import TrainedUNet
@@ -104,7 +104,9 @@ class Steps(dg.UPathIOManager):
 
     def load_from_path(self, context: dg.InputContext, path: UPath) -> PlannedTraining:
         try:
-            return unsealed_json(path.read_bytes(), PlannedTraining)
+            return unsealed_json(stored_bytes(path), PlannedTraining)
+        except OutOfReachError:
+            raise
         except (OSError, ValueError) as error:
             raise TactileError(f"{path} is damaged: materialise policies again") from error
 

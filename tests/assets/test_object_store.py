@@ -86,6 +86,32 @@ for asset in ("masks", "unet", "policies"):
         assert "credentials" in line
 
 
+def test_a_store_without_a_key_sets_no_mesh_aside_and_damages_no_step(tmp_path):
+    code = f"""
+import dagster as dg
+from upath import UPath
+from tactile_assets.io_managers import Steps
+from tactile_core.dataset.rendering.silhouettes import Job, render
+from tactile_core.errors import OutOfReachError
+root = UPath("{STORE}")
+with dg.build_input_context() as context:
+    for read in (
+        lambda: render(Job("a.obj", "0", ()), root, 64, None),
+        lambda: Steps(base_path=root).load_from_path(context, root / "planned.json"),
+    ):
+        try:
+            print(read())
+        except OutOfReachError as error:
+            print(error)
+"""
+    reached = {"AWS_EC2_METADATA_DISABLED": "true"}
+    done = shell(f"python -c {shlex.quote(code)}", tmp_path, **reached)
+    lines = done.stdout.splitlines()
+    assert len(lines) == 2, done.stderr
+    for line, name in zip(lines, ("a.obj", "planned.json"), strict=True):
+        assert line.startswith(f"{STORE}/{name} cannot be read (") and line.endswith("): mend that")
+
+
 def kill_at_line(text: str, process: subprocess.Popen) -> None:
     """Kill a process once it says a line with `text`."""
     assert process.stderr is not None

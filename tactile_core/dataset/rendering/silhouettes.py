@@ -22,7 +22,7 @@ from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.rendering.warps import warp
 from tactile_core.dataset.sources.parsing import load_mesh
-from tactile_core.errors import DamagedError, TactileError
+from tactile_core.errors import DamagedError, OutOfReachError, TactileError
 from tactile_core.keys import work_key
 from tactile_core.machine import processors
 from tactile_core.processes import end_with_parent
@@ -195,7 +195,7 @@ def render(job: Job, root: UPath, resolution: int, platform: str | None) -> list
     """The masks of one mesh as PNG bytes, or the reason, for each of the job's views."""
     try:
         mesh = load_mesh(root, job.file, job.version)
-    except DamagedError:  # nothing is wrong with the mesh: the store must be mended
+    except (DamagedError, OutOfReachError):  # the mesh is not to blame: mend the store
         raise
     except TactileError as error:  # tables hold no absolute paths
         return [str(error).replace(str(root / job.file), job.file)] * len(job.views)

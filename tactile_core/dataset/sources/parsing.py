@@ -14,7 +14,7 @@ from tactile_core.dataset.sources.sightings import without_unseen
 from tactile_core.dataset.sources.stl import read_stl
 from tactile_core.dataset.sources.strangers import stranger
 from tactile_core.errors import DamagedError, TactileError
-from tactile_core.files import content_hash
+from tactile_core.files import content_hash, stored_bytes
 
 # Of the farthest coordinate: a mesh that is no larger is what rounding has left of one.
 ROUNDED = 1e-13
@@ -52,11 +52,12 @@ def load_mesh(root: UPath, file: str, version: str | None = None) -> trimesh.Tri
     version : the content hash that the manifest holds; None: whatever is there
 
     Materials are not loaded. Raises `DamagedError` where the file is missing or has changed since
-    it was collected, and `TactileError` where the mesh cannot be used.
+    it was collected, `OutOfReachError` where its store does not answer, and `TactileError` where
+    the mesh cannot be used.
     """
     path = root / file
     try:
-        data = path.read_bytes()
+        data = stored_bytes(path)
     except FileNotFoundError as error:
         raise DamagedError(f"{path} is missing: materialise shapenet_meshes again") from error
     except OSError as error:
