@@ -18,7 +18,8 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from tactile_assets.resources import FIGURES, Store
-from tactile_core.files import content_hash
+from tactile_core.errors import OutOfReachError
+from tactile_core.files import content_hash, stored_bytes
 
 WIDTH = 420  # pixels
 KINDS = {"png": "image/png", "gif": "image/gif"}
@@ -36,7 +37,9 @@ def figure(request: Request) -> Response:
     """A figure of the store."""
     name = NAME.fullmatch(request.path_params["name"])
     try:
-        picture = name and Store.from_environment().path(FIGURES, name[0]).read_bytes()
+        picture = name and stored_bytes(Store.from_environment().path(FIGURES, name[0]))
+    except OutOfReachError as error:
+        return PlainTextResponse(str(error), status_code=503)
     except OSError:
         picture = None
     if not name or not picture:

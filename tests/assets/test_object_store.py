@@ -112,6 +112,20 @@ with dg.build_input_context() as context:
         assert line.startswith(f"{STORE}/{name} cannot be read (") and line.endswith("): mend that")
 
 
+def test_a_figure_in_a_store_without_a_key_is_told_in_the_browser_in_a_sentence(tmp_path):
+    code = """
+from starlette.applications import Starlette
+from starlette.routing import Route
+from starlette.testclient import TestClient
+from tactile_assets.webserver import figure
+answer = TestClient(Starlette(routes=[Route("/{name}", figure)])).get("/masks.png")
+print(answer.status_code, answer.text)
+"""
+    reached = {"TACTILE_STORE": STORE, "AWS_EC2_METADATA_DISABLED": "true"}
+    done = shell(f"python -c {shlex.quote(code)}", tmp_path, **reached)
+    assert done.stdout.startswith(f"503 {STORE}/figures/masks.png cannot be read ("), done.stderr
+
+
 def kill_at_line(text: str, process: subprocess.Popen) -> None:
     """Kill a process once it says a line with `text`."""
     assert process.stderr is not None
