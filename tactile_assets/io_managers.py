@@ -31,7 +31,7 @@ def or_say_how(context: dg.InputContext, path: UPath) -> Iterator[None]:
         asset = None if path.exists() else asset_under_way(context)
         if asset is None:
             raise
-        how = f"dagster asset materialize --select '+{asset}'"
+        how = f"dagster asset materialize --select '*{asset}'"
         raise type(error)(f"{error}, or all that {asset} needs: {how}") from error
 
 

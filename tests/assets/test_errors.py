@@ -76,7 +76,9 @@ def test_the_command_says_it_in_one_line(tmp_path, asset, config, reason):
 def test_a_missing_upstream_table_says_what_to_materialise(tmp_path):
     said = failure(tmp_path, "outlines")
     assert "rotated_splits.parquet is missing: materialise rotated_splits first" in said
-    assert said.endswith("all that outlines needs: dagster asset materialize --select '+outlines'")
+    assert said.endswith("all that outlines needs: dagster asset materialize --select '*outlines'")
+    needed = shell("dagster asset list --select '*outlines'", tmp_path).stdout.split()
+    assert needed == ["masks", "outlines", "rotated_splits", "shapenet_meshes"]
 
 
 def test_trainings_without_a_unet_stop_once_and_are_not_tried_again(copy_of_chain):

@@ -6,6 +6,7 @@ the scores lie well beyond them; the tests take one.
 
 import numpy as np
 import pytest
+from stable_baselines3 import PPO
 
 from tactile_core.dataset.outlines import outline
 from tactile_core.dataset.packed import pack_masks
@@ -125,6 +126,8 @@ def test_ppo_learns_to_go_by_what_was_felt(tmp_path_factory, tmp_path):
     approach = Approach("outer", "", (Stage(outer),))
     env = BatchedTactileEnv(32, pair.masks, reconstructor, approach.stages[0])
     untrained = new_model(env, settings, SEED)
+    ours, usual = (made.policy.optimizer.defaults for made in (untrained, PPO("CnnPolicy", env)))
+    assert ours == usual | {"fused": True, "lr": settings.learning_rate}
     trained, curve = train_ppo(
         approach, SEED, pair, reconstructor, settings, key="", work=tmp_path, progress=print
     )

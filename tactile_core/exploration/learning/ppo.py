@@ -25,6 +25,8 @@ from tactile_core.tensorboard import curves_folder
 RAYS_PER_CHECKPOINT = 8192
 # Environment i of a stage draws its masks with the seed plus i; the next stage must draw others.
 SEEDS_PER_STAGE = 10_000
+# SB3's own Adam, in one pass over all weights: a sixth of an update's time, for 50 rays, less.
+ADAM = {"eps": 1e-5, "fused": True}
 
 
 def train_ppo(
@@ -84,7 +86,7 @@ def new_model(env: BatchedTactileEnv, settings: PolicySettings, seed: int) -> PP
     return PPO(
         "CnnPolicy",
         env,
-        policy_kwargs={"features_extractor_class": WindowCNN},
+        policy_kwargs={"features_extractor_class": WindowCNN, "optimizer_kwargs": ADAM},
         learning_rate=settings.learning_rate,
         n_steps=settings.rays_per_rollout,
         batch_size=settings.batch_size,

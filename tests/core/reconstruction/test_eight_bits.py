@@ -75,12 +75,22 @@ def test_they_are_stored_with_the_weights_and_count_for_the_version(measured, tm
     assert dataclasses.replace(measured, eight_bits={}).version() != measured.version()
 
 
-@pytest.mark.parametrize(("bfloat16", "runs"), [(True, "bfloat16"), (False, "int8")])
-def test_they_are_used_where_bfloat16_does_not_pay(measured, monkeypatch, bfloat16, runs):
+@pytest.mark.parametrize(
+    ("bfloat16", "amx", "runs", "unmeasured"),
+    [
+        (True, True, "bfloat16", "bfloat16"),
+        (True, False, "int8", "bfloat16"),
+        (False, False, "int8", "float32"),
+    ],
+)
+def test_they_are_used_where_the_processor_has_no_amx(
+    measured, monkeypatch, bfloat16, amx, runs, unmeasured
+):
     monkeypatch.setattr(inference, "bfloat16_pays", lambda device: bfloat16)
+    monkeypatch.setattr(inference, "has_amx", lambda: amx)
     assert Reconstructor(measured).runs == f"OpenVINO on cpu, {runs}"
-    unmeasured = dataclasses.replace(measured, eight_bits={})
-    assert "int8" not in Reconstructor(unmeasured).runs
+    without = dataclasses.replace(measured, eight_bits={})
+    assert Reconstructor(without).runs == f"OpenVINO on cpu, {unmeasured}"
 
 
 def test_eight_bits_that_were_not_measured_are_refused(unet):
