@@ -5,7 +5,6 @@ is younger than some days. Downloads stay.
 """
 
 import contextlib
-import json
 import re
 import time
 from collections.abc import Callable, Iterator, Set
@@ -21,6 +20,7 @@ from tactile_assets.provenance import own_instance
 from tactile_assets.resources import Store
 from tactile_assets.runs import FINISHED, is_over
 from tactile_core.claims import claimed
+from tactile_core.files import in_reach
 from tactile_core.processes import Worker
 from tactile_core.settings import PruneSettings
 
@@ -107,9 +107,11 @@ def unknown(instance: dg.DagsterInstance, store: Store) -> bool:
 
 def old_policies(store: Store, before: float) -> Iterator[Old]:
     """Policies of `before` that do not belong to the asset any more."""
-    index = store.path("policies", "index.json")
-    named: Set[str] = set(json.loads(index.read_text())) if index.exists() else set()
-    for policy in children(store.path("policies")):
+    from tactile_core.exploration.policies.index import INDEX, read_versions  # torch takes seconds
+
+    folder = store.path("policies")
+    named: Set[str] = read_versions(folder).keys() if (folder / INDEX).exists() else set()
+    for policy in children(folder):
         if policy.is_dir() and policy.name not in named and newest(policy) < before:
             yield left("policy", policy)
 
@@ -153,10 +155,11 @@ def prune(
     instance: dg.DagsterInstance, store: Store, settings: PruneSettings, say: Callable[[str], Any]
 ) -> None:
     """Remove what is old, or with `dry_run` only say what that would be."""
-    found = find_old(instance, store, settings)
-    if not settings.dry_run:
-        for old in found:
-            old.remove()
+    with in_reach(store.path(), "pruned"):
+        found = find_old(instance, store, settings)
+        if not settings.dry_run:
+            for old in found:
+                old.remove()
     for line in report(found, settings):
         say(line)
 

@@ -46,7 +46,8 @@ def is_local(path: UPath) -> bool:
 def written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
     """Open `path` to write (and read) bytes; it appears under its name only if the block succeeds.
 
-    Raises `TactileError` where the disk is full or the place is not to be written to.
+    Raises `TactileError` where the disk is full or the place is not to be written to, and
+    `OutOfReachError` where its store does not take it.
     """
     try:
         with _written_whole(path) as file:
@@ -105,7 +106,8 @@ def _written_whole(path: str | os.PathLike | UPath) -> Iterator[IO[bytes]]:
         aside = Path(folder, "part")
         with aside.open("w+b") as file:
             yield file
-        target.fs.put_file(str(aside), target.path)
+        with in_reach(target, "written"):
+            target.fs.put_file(str(aside), target.path)
 
 
 def write_table(table: pd.DataFrame, path: str | os.PathLike | UPath) -> None:
@@ -132,7 +134,7 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
     source = UPath(path)
     remedy = f"materialise {asset or source.stem} again"
     try:
-        with _in_reach(source), _at_hand(source) as file:
+        with in_reach(source), _at_hand(source) as file:
             if not is_whole_parquet(file):
                 raise DamagedError(f"{source} is damaged, as its checksum tells: {remedy}")
             stored = pq.ParquetFile(file)
@@ -150,19 +152,22 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
 def stored_bytes(path: UPath) -> bytes:
     """The bytes of a stored file; raises `OSError`, and `OutOfReachError` where an object store has
     another error, as without a key."""
-    with _in_reach(path):
+    with in_reach(path):
         return path.read_bytes()
 
 
 @contextlib.contextmanager
-def _in_reach(path: UPath) -> Iterator[None]:
-    """Raises `OutOfReachError` for what an object store's client raises besides `OSError`."""
+def in_reach(path: UPath, done: str = "read") -> Iterator[None]:
+    """Raises `OutOfReachError` for what an object store's client raises besides `OSError`.
+
+    done : what was to be done with `path`
+    """
     try:
         yield
     except Exception as error:
         if is_local(path) or isinstance(error, OSError | TactileError):
             raise
-        raise OutOfReachError(f"{path} cannot be read ({one_line(error)}): mend that") from error
+        raise OutOfReachError(f"{path} cannot be {done} ({one_line(error)}): mend that") from error
 
 
 @contextlib.contextmanager

@@ -38,7 +38,7 @@ from tactile_core.dataset.sources.places import (
     with_classes,
 )
 from tactile_core.errors import TactileError, spelt
-from tactile_core.files import content_hash, written_whole
+from tactile_core.files import content_hash, stored_bytes, written_whole
 from tactile_core.progress import counted
 from tactile_core.settings import MeshSettings
 
@@ -251,7 +251,7 @@ def _collect(mesh: MeshFile, root: UPath, present: dict[str, int]) -> dict[str, 
         return row | {"status": str(error)}
     try:
         target = root / mesh.file
-        if present.get(mesh.file) != len(data) or target.read_bytes() != data:
+        if present.get(mesh.file) != len(data) or stored_bytes(target) != data:
             with written_whole(target) as file:
                 file.write(data)
     except OSError as error:

@@ -112,6 +112,37 @@ with dg.build_input_context() as context:
         assert line.startswith(f"{STORE}/{name} cannot be read (") and line.endswith("): mend that")
 
 
+def test_a_store_that_takes_nothing_is_told_in_a_sentence(tmp_path):
+    code = f"""
+import dagster as dg
+from upath import UPath
+from tactile_assets.prune import prune
+from tactile_assets.resources import Store
+from tactile_core.errors import OutOfReachError
+from tactile_core.files import written_whole
+from tactile_core.settings import PruneSettings
+def write():
+    with written_whole(UPath("{STORE}/masks.parquet")) as file:
+        file.write(b"a table")
+def prune_it():
+    with dg.DagsterInstance.ephemeral() as instance:
+        prune(instance, Store.from_environment(), PruneSettings(), print)
+for attempt in (write, prune_it):
+    try:
+        print(attempt())
+    except OutOfReachError as error:
+        print(error)
+"""
+    reached = {"TACTILE_STORE": STORE, "AWS_EC2_METADATA_DISABLED": "true"}
+    done = shell(f"python -c {shlex.quote(code)}", tmp_path, **reached)
+    lines = done.stdout.splitlines()
+    assert len(lines) == 2, done.stderr
+    for line, what in zip(
+        lines, ("/masks.parquet cannot be written (", " cannot be pruned ("), strict=True
+    ):
+        assert line.startswith(f"{STORE}{what}") and line.endswith("): mend that")
+
+
 def test_a_figure_in_a_store_without_a_key_is_told_in_the_browser_in_a_sentence(tmp_path):
     code = """
 from starlette.applications import Starlette

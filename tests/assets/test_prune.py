@@ -12,6 +12,7 @@ from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
 from tactile_assets.io_managers import PolicyIndex
 from tactile_assets.prune import find_old, prune
+from tactile_core.errors import TactileError
 from tactile_core.files import read_table
 from tactile_core.reconstruction.trained import load_unet
 from tactile_core.settings import PruneSettings
@@ -90,6 +91,15 @@ def test_a_dry_run_lists_what_would_go_with_sizes_and_removes_nothing(aged):
     assert all(line.endswith(" MB") for line in lines)
     assert "would be removed" in lines[-1]
     assert sorted(aged.home.rglob("*")) == files
+
+
+def test_with_a_damaged_index_of_policies_nothing_goes(aged):
+    index = aged.store.path("policies", "index.json")
+    index.write_text(index.read_text()[:-3])
+    with pytest.raises(TactileError, match="materialise policies"):
+        told(aged, EVERYTHING)
+    assert aged.store.path("policies", "total-9").exists()
+    assert aged.store.path("figures", "of_an_asset_that_was.png").exists()
 
 
 def test_what_is_young_stays_and_so_do_the_last_runs(aged):

@@ -29,6 +29,19 @@ def read_index(folder: UPath) -> list[UPath]:
 
     Raises `TactileError` where there are none, or one is of another training.
     """
+    versions = read_versions(folder)
+    for name, version in versions.items():
+        description = describe(folder / name)
+        if (description.name, description.version) != (name, version):
+            raise TactileError(
+                f"{folder / name} is of another training than {INDEX} says: materialise policies "
+                "again"
+            )
+    return [folder / name for name in versions]
+
+
+def read_versions(folder: UPath) -> dict[str, str]:
+    """What `write_index` wrote; raises `TactileError` where nothing did, or it is damaged."""
     try:
         data = stored_bytes(folder / INDEX)
         versions = json.loads(data, object_pairs_hook=each_once)
@@ -38,14 +51,7 @@ def read_index(folder: UPath) -> list[UPath]:
         raise TactileError(f"{folder} holds no trained policies: materialise policies") from error
     if not isinstance(versions, dict) or not all(map(is_entry, versions.items())):
         raise TactileError(f"{folder}/{INDEX} is damaged: materialise policies again")
-    for name, version in versions.items():
-        description = describe(folder / name)
-        if (description.name, description.version) != (name, version):
-            raise TactileError(
-                f"{folder / name} is of another training than {INDEX} says: materialise policies "
-                "again"
-            )
-    return [folder / name for name in versions]
+    return versions
 
 
 def each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
