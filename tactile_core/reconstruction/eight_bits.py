@@ -1,4 +1,4 @@
-"""The U-Net's convolutions in eight bits: on processors without bfloat16 twice as fast.
+"""The U-Net's convolutions in eight bits: half of float32's time, 0.7 of bfloat16's without AMX.
 
 Kernels are rounded to 255 levels, each outgoing channel in its own unit, and what comes in to 256,
 over the range that it had for what the U-Net learnt from, but for rare values, which would make all
