@@ -15,7 +15,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.references import find_reference
 from tactile_core.exploration.world.rays import RAYS
 from tactile_core.exploration.world.state import Explorations
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.batches import draw_touch_sets
 from tactile_core.reconstruction.engines import Precision
 from tactile_core.reconstruction.inference import Reconstructor, best_device, bfloat16_pays

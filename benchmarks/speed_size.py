@@ -97,7 +97,7 @@ def make_source(folder: Path, models: int) -> None:
 def repeat(few: Path, many: Path, times: int) -> None:
     """The rotated masks of one home `times` over in another, each time moved by other pixels."""
     from tactile_core.dataset.rendering.pictures import decoded, encode_mask
-    from tactile_core.files import read_table, write_table
+    from tactile_core.parquet import read_table, write_table
 
     target = many / "artifacts" / "rotated_splits.parquet"
     if target.exists():
@@ -176,7 +176,7 @@ def open_training(artifacts: Path) -> None:
     """As the asset `unet` does, with the stored touches."""
     from tactile_core.dataset.shapes import load_shapes
     from tactile_core.exploration.practice.ray_touches import touch_source
-    from tactile_core.files import read_table
+    from tactile_core.parquet import read_table
     from tactile_core.reconstruction.batches import training_batches
 
     splits, outlines, samples = (

@@ -15,7 +15,8 @@ from tactile_assets.resources import Store
 from tactile_assets.trainings import POOL, PlannedTraining
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.approaches import APPROACHES
-from tactile_core.files import content_hash, read_table
+from tactile_core.files import content_hash
+from tactile_core.parquet import read_table
 from tactile_core.settings import PolicySettings
 
 # Each of the last part of the training, on train shapes.

@@ -75,7 +75,7 @@ def stored_version(store: Store, asset: str) -> str | None:
     from tactile_core.evaluation.of_each_unet import policies_of_each
     from tactile_core.exploration.policies.index import read_index
     from tactile_core.exploration.policies.store import describe
-    from tactile_core.files import read_table
+    from tactile_core.parquet import read_table
     from tactile_core.reconstruction.unets import load_unets, version_of
 
     try:

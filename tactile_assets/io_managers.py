@@ -12,7 +12,8 @@ from upath import UPath
 from tactile_assets.trainings import PlannedTraining
 from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.errors import OutOfReachError, TactileError
-from tactile_core.files import read_table, stored_bytes, write_table, written_whole
+from tactile_core.files import stored_bytes, written_whole
+from tactile_core.parquet import read_table, write_table
 
 if TYPE_CHECKING:
     from tactile_core.reconstruction.trained import TrainedUNet

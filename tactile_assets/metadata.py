@@ -11,7 +11,7 @@ import pandas as pd
 from upath import UPath
 
 from tactile_assets.columns import column_schema, kind
-from tactile_core.files import table_hash
+from tactile_core.parquet import table_hash
 
 OWNERS = ["team:tactile-exploration"]
 SECTION = {

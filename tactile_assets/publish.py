@@ -29,7 +29,8 @@ from tactile_core.evaluation.tables import (
     hyperparameter_rows,
     reconstruction_rows,
 )
-from tactile_core.files import read_table, stored_bytes
+from tactile_core.files import stored_bytes
+from tactile_core.parquet import read_table
 
 RESULTS = REPOSITORY / "docs" / "results"
 README = REPOSITORY / "README.md"

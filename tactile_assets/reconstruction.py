@@ -25,7 +25,8 @@ from tactile_assets.metadata import (
 )
 from tactile_assets.resources import Store
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table, remove_folder
+from tactile_core.files import remove_folder
+from tactile_core.parquet import read_table
 from tactile_core.settings import PracticeSettings, SearchSettings, UNetSettings
 
 UNET_CODE = "reconstruction.training", "reconstruction.unets", "exploration.practice.ray_touches"

@@ -12,8 +12,9 @@ from pydantic import Field
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, is_local, read_table, stored_bytes, written_whole
+from tactile_core.files import content_hash, is_local, stored_bytes, written_whole
 from tactile_core.home import check_one_home, find_artifacts, find_home
+from tactile_core.parquet import read_table
 from tactile_core.spread import on_cluster
 
 logger = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from tactile_core.evaluation.tables import (
     reconstruction_rows,
     text_table,
 )
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 
 HEADINGS = {
     "per_step": "Per step: Jaccard index after each ray (Figure 4)",

@@ -25,8 +25,8 @@ FOLDER = Path(__file__).resolve().parent
 # Most modules import these, and what they do shows in the settings and in the content itself.
 APART = {
     f"{CORE}.{name}" for name in (
-        "settings", "profiles", "errors", "files", "checksums", "keys", "value_versions",
-        "progress", "spread",
+        "settings", "profiles", "errors", "files", "parquet", "checksums", "keys",
+        "value_versions", "progress", "spread",
     )
 }  # fmt: skip
 NAMED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)

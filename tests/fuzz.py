@@ -38,7 +38,7 @@ from tactile_core.exploration.policies.store import (
     save_policy,
     trained_on,
 )
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet, save_unet
 from tactile_core.reconstruction.unet import UNet
 from tactile_core.settings import MeshSettings, PolicySettings, UNetSettings

@@ -13,8 +13,8 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.base import Policy, policy_rng
 from tactile_core.exploration.world.state import Explorations
-from tactile_core.files import read_table, write_table
 from tactile_core.keys import work_key
+from tactile_core.parquet import read_table, write_table
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.settings import RolloutSettings
 

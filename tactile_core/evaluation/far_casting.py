@@ -10,7 +10,7 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.casting import Casting, cast_part, file_of, kept, portions_of, whole
 from tactile_core.exploration.policies.base import Policy
-from tactile_core.files import write_table
+from tactile_core.parquet import write_table
 from tactile_core.progress import counted
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet

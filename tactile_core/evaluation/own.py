@@ -15,7 +15,7 @@ from tactile_core.evaluation.tables import PolicyResults, policy_results
 from tactile_core.evaluation.unseen import refuse_known
 from tactile_core.exploration.policies.own import FunctionPolicy, SB3Policy
 from tactile_core.exploration.world.state import Explorations
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.profiles import Profile
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.unets import UNets, first_of, load_unets

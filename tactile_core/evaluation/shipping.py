@@ -18,7 +18,8 @@ from tactile_core.evaluation.unseen import refuse_known
 from tactile_core.exploration.at_hand import ROTATED_SPLITS
 from tactile_core.exploration.policies.store import describe, load_policies, trained_on
 from tactile_core.exploration.pretrained import PROVENANCE, Provenance
-from tactile_core.files import read_table, write_table, written_whole
+from tactile_core.files import written_whole
+from tactile_core.parquet import read_table, write_table
 from tactile_core.reconstruction.trained import load_unet
 from tactile_core.reconstruction.unets import INDEX
 from tactile_core.settings import RolloutSettings

@@ -23,7 +23,7 @@ from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 from tactile_core.exploration.world.vector_env import TactileVectorEnv
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
 

@@ -11,7 +11,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.acting import find_policy
 from tactile_core.exploration.at_hand import POLICIES, ROTATED_SPLITS, UNET, at_hand
 from tactile_core.exploration.policies.base import Policy
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import load_unet
 

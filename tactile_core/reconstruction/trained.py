@@ -16,14 +16,8 @@ from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import OutOfReachError, TactileError
-from tactile_core.files import (
-    content_hash,
-    read_table,
-    stored_bytes,
-    table_hash,
-    write_table,
-    written_whole,
-)
+from tactile_core.files import content_hash, stored_bytes, written_whole
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.known_shapes import (
     PACKED_SHAPES,
     KnownShapes,

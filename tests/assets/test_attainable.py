@@ -3,7 +3,7 @@
 import shutil
 
 from tactile_core.evaluation.tables import policy_results
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tests.assets.running import in_study
 
 OBSERVE = """
@@ -12,7 +12,7 @@ from pathlib import Path
 import dagster as dg
 from tactile_assets.fresh import stored_version
 from tactile_core.exploration.policies import observer
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tests.assets.running import Platform, run_for
 
 observer.ROUNDS, observer.SECOND, observer.BEYOND = ((2, 2), (1, 1)), 2, 2

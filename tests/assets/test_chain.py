@@ -12,7 +12,8 @@ from tactile_assets.metadata import numbers, shown
 from tactile_assets.runs import LOCATION
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, read_table
+from tactile_core.files import content_hash
+from tactile_core.parquet import read_table
 from tests.assets.running import ALL, run_for, shell
 
 TABLES = [asset for asset in ALL if asset not in ("unet", "policies")]
@@ -62,7 +63,7 @@ def test_each_data_version_is_a_hash_of_what_is_stored(chain):
     versions = chain.data_versions(ALL)
     for asset in ("masks", "per_step_evaluation"):
         table = read_table(chain.store.path(f"{asset}.parquet"))
-        from tactile_core.files import table_hash
+        from tactile_core.parquet import table_hash
 
         assert versions[asset] == table_hash(table.drop(columns="key", errors="ignore"))
     index = json.loads(chain.store.path("policies", "index.json").read_text())

@@ -9,7 +9,7 @@ import pytest
 
 from tactile_assets.checks import dataset, evaluation, exploration, reconstruction
 from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
-from tactile_core.files import read_table, write_table
+from tactile_core.parquet import read_table, write_table
 from tactile_core.reconstruction.unets import load_unets
 
 

@@ -13,7 +13,7 @@ from tactile_assets.trainings import PlannedTraining
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.store import StoredPolicy, save_policy
-from tactile_core.files import table_hash
+from tactile_core.parquet import table_hash
 from tactile_core.settings import PolicySettings
 from tests.payloads import payload
 

@@ -15,7 +15,7 @@ from tactile_assets.fresh import (
 )
 from tactile_assets.provenance import own_instance
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table, write_table
+from tactile_core.parquet import read_table, write_table
 from tests.assets.running import ALL, Platform, nothing, shell
 from tests.disks import small_disk
 

@@ -6,7 +6,7 @@ from tactile_assets.definitions import defs
 from tactile_core.dataset.shapes import load_shapes
 from tactile_core.exploration.practice.ray_touches import practised
 from tactile_core.exploration.world.rays import RAYS
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tests.assets.running import in_study
 
 UPSTREAM = """
@@ -22,7 +22,7 @@ from pathlib import Path
 import dagster as dg
 from tactile_assets.fresh import stored_version
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table, write_table
+from tactile_core.parquet import read_table, write_table
 from tests.assets.running import Platform, run_for
 
 QUICK = {"epochs": 1, "gain_iterations": 2, "gain_states": 4, "gain_tries": 2, "gain_updates": 1}

@@ -13,7 +13,7 @@ from tactile_assets.definitions import defs
 from tactile_assets.io_managers import PolicyIndex
 from tactile_assets.prune import find_old, prune
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.trained import load_unet
 from tactile_core.settings import PruneSettings
 from tests.assets.running import ALL, Platform, nothing

@@ -13,7 +13,7 @@ from tactile_assets.definitions import defs
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
 from tactile_core.dataset.rendering.pictures import decode_masks, encode_mask
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.trained import load_unet
 from tactile_core.settings import MeshSettings
 from tests.assets.running import Platform, run_for, shell

@@ -8,7 +8,7 @@ import pytest
 from tactile_assets import sources
 from tactile_assets.definitions import defs
 from tactile_core.errors import OutOfReachError
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.settings import MeshSettings
 from tests.assets.running import Platform, until
 from tests.core.dataset.mesh_files import MUG, V1, V2, make_folder, make_zip, obj

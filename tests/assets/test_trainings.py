@@ -12,7 +12,7 @@ from tactile_assets import exploration
 from tactile_assets.io_managers import PolicyIndex
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import train as core
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.unets import load_unets
 from tests.assets.running import TINY, shell

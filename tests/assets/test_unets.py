@@ -2,7 +2,7 @@
 
 import pytest
 
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.unets import load_unets, version_of
 from tests.assets.running import run_config
 

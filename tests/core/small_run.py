@@ -13,7 +13,7 @@ from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.learning.train import train_policy
 from tactile_core.exploration.policies.index import write_index
 from tactile_core.exploration.policies.store import load_policies
-from tactile_core.files import write_table
+from tactile_core.parquet import write_table
 from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.trained import TrainedUNet, save_unet
 from tactile_core.settings import PolicySettings, RolloutSettings

@@ -41,7 +41,7 @@ from tactile_core.dataset.rendering.silhouettes import render_masks
 from tactile_core.dataset.splits import rotate_splits
 from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.learning.train import train_policy
-from tactile_core.files import read_table, write_table
+from tactile_core.parquet import read_table, write_table
 from tactile_core.reconstruction.trained import load_unet, save_unet
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.reconstruction.batches import outline_source

@@ -19,7 +19,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.learning import train as learning
 from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.policies.store import describe, load_policies, trained_on
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.trained import load_unet, save_unet
 from tactile_core.settings import PolicySettings
 

@@ -156,7 +156,9 @@ def test_words_do_not_count(copied):
     assert changed_by(jaccard, "THRESHOLD = 0.5", "THRESHOLD = 0.5  # one half") == set()
 
 
-@pytest.mark.parametrize("module", ["settings", "errors", "files", "keys", "value_versions"])
+@pytest.mark.parametrize(
+    "module", ["settings", "errors", "files", "parquet", "keys", "value_versions"]
+)
 def test_what_every_module_imports_counts_by_what_it_gives_them(copied, module):
     assert changed_by(copied / f"{module}.py", "\n\n\n", "\nX = 1\n\n\n") == set()
 

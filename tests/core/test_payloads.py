@@ -16,7 +16,7 @@ from tactile_core.errors import DamagedError, TactileError
 from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.learning.train import train_policy
 from tactile_core.exploration.policies.store import load_policies
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.trained import load_unet, save_unet
 from tactile_core.settings import PolicySettings
 from tests.payloads import Payload, payload

@@ -66,7 +66,7 @@ from tactile_core.evaluation.rollouts import cast_rollouts
 from tactile_core.exploration.learning.approaches import APPROACHES
 from tactile_core.exploration.learning.train import train_policy
 from tactile_core.exploration.policies.store import load_policies
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction.trained import load_unet
 from tests.core.small_run import QUICK, TRAINED, rollout_settings
 import tactile_core

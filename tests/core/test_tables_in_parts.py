@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from upath import UPath
 
-from tactile_core import files
-from tactile_core.files import read_table, table_hash, write_table, written_whole
+from tactile_core import parquet
+from tactile_core.files import written_whole
+from tactile_core.parquet import read_table, table_hash, write_table
 from tests.object_store import BUCKET, object_store
 
 
@@ -68,7 +69,7 @@ def table() -> pd.DataFrame:
 
 def test_a_table_in_parts_is_the_same_table(tmp_path, monkeypatch):
     write_table(table(), tmp_path / "at_once.parquet")
-    monkeypatch.setattr(files, "ROWS", 6)
+    monkeypatch.setattr(parquet, "ROWS", 6)
     write_table(table(), tmp_path / "in_parts.parquet")
     for name in ("at_once", "in_parts"):
         found = read_table(tmp_path / f"{name}.parquet")
@@ -80,7 +81,7 @@ def test_a_table_in_parts_is_the_same_table(tmp_path, monkeypatch):
 
 
 def test_whichever_part_a_value_stands_in_another_one_is_another_hash(monkeypatch):
-    monkeypatch.setattr(files, "ROWS", 6)
+    monkeypatch.setattr(parquet, "ROWS", 6)
     hashes = {table_hash(table())}
     for row in range(20):
         other = table()

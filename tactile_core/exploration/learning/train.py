@@ -26,8 +26,9 @@ from tactile_core.exploration.policies.store import (
     save_policy,
     trained_on,
 )
-from tactile_core.files import read_table, table_hash, written_whole
+from tactile_core.files import written_whole
 from tactile_core.keys import work_key
+from tactile_core.parquet import read_table, table_hash
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES, pack
 from tactile_core.reconstruction.trained import TrainedUNet

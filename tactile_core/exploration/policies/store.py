@@ -23,14 +23,8 @@ from tactile_core.exploration.policies.recall import RecallPolicy, load_known_sh
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
 from tactile_core.exploration.policies.sequence import SequencePolicy
 from tactile_core.exploration.world.circle import circle_pixels
-from tactile_core.files import (
-    content_hash,
-    read_table,
-    stored_bytes,
-    table_hash,
-    write_table,
-    written_whole,
-)
+from tactile_core.files import content_hash, stored_bytes, written_whole
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES
 from tactile_core.settings import PolicySettings, Settings, problems

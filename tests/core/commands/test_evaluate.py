@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from tactile_core.commands import main
-from tactile_core.files import read_table, write_table
+from tactile_core.parquet import read_table, write_table
 
 EVEN = """
     import numpy as np

@@ -10,7 +10,7 @@ from tactile_core.commands import main
 from tactile_core.dataset.procedural.models import obj_bytes, procedural_models
 from tactile_core.dataset.things import find_thing
 from tactile_core.exploration.pretrained import FOLDER
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.settings import MeshSettings
 
 

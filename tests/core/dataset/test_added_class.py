@@ -6,7 +6,7 @@ import pandas as pd
 from tactile_core.dataset.outlines import trace_outlines
 from tactile_core.dataset.rendering.silhouettes import render_masks
 from tactile_core.dataset.splits import rotate_splits
-from tactile_core.files import table_hash
+from tactile_core.parquet import table_hash
 from tactile_core.settings import MaskSettings, SplitSettings
 from tests.core.dataset.mesh_files import make_folder, obj
 

@@ -8,7 +8,7 @@ from skimage.draw import line
 from tactile_core.dataset.outlines import outline, trace_outlines
 from tactile_core.dataset.rendering.pictures import encode_mask
 from tactile_core.dataset.shapes import as_points
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.parquet import read_table, table_hash, write_table
 
 masks = arrays(bool, st.tuples(st.just(12), st.just(12)), elements=st.booleans())
 

@@ -16,7 +16,8 @@ from tactile_core.dataset.seeds import generator
 from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.dataset.splits import rotate_splits, split_models, views_of_model
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, read_table, table_hash, write_table
+from tactile_core.files import content_hash
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.settings import LARGEST_SEED, MaskSettings, SplitSettings
 
 MASKS = MaskSettings(resolution=64, renderer="rasteriser")

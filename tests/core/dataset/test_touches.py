@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tactile_core.dataset.shapes import as_points
 from tactile_core.dataset.touches import rasterise_touches, sample_touches
 from tactile_core.errors import TactileError
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.settings import LARGEST_SEED, TouchSettings
 
 

@@ -21,7 +21,7 @@ from tactile_core.exploration.policies.sequence import SequencePolicy
 from tactile_core.exploration.policies.store import Policy, load_policies
 from tactile_core.exploration.world.circle import circle_pixels
 from tactile_core.exploration.world.state import Explorations
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.settings import EvaluationSettings, PolicySettings, RolloutSettings
 

@@ -12,7 +12,7 @@ from tactile_core.evaluation.shipping import POLICIES, RULES, ship
 from tactile_core.exploration.at_hand import ROTATED_SPLITS, UNET, at_hand
 from tactile_core.exploration.environments import make_env
 from tactile_core.exploration.pretrained import FOLDER, PROVENANCE, pretrained, provenance
-from tactile_core.files import read_table, write_table
+from tactile_core.parquet import read_table, write_table
 from tactile_core.reconstruction.trained import load_unet, save_unet
 
 

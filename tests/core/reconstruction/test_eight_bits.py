@@ -15,7 +15,7 @@ from tactile_core.dataset.outlines import trace_outlines
 from tactile_core.dataset.shapes import load_shapes
 from tactile_core.errors import TactileError
 from tactile_core.exploration.practice.ray_touches import touch_source
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tactile_core.reconstruction import inference
 from tactile_core.reconstruction.batches import training_batches
 from tactile_core.reconstruction.eight_bits import RARE, highest, levels, with_eight_bits

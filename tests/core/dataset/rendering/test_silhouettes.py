@@ -11,7 +11,8 @@ from tactile_core.dataset.rendering.rasteriser import rasterise
 from tactile_core.dataset.rendering.silhouettes import EMPTY, render_masks
 from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import TactileError
-from tactile_core.files import content_hash, read_table, table_hash, write_table
+from tactile_core.files import content_hash
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.settings import MaskSettings
 
 SETTINGS = MaskSettings(resolution=64, renderer="rasteriser")

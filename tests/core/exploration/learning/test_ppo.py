@@ -5,7 +5,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticCnnPolicy
 
 from tactile_core.exploration.learning import ppo
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tests.core.exploration.quick import QUICK
 
 

@@ -8,7 +8,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from tactile_core import progress
 from tactile_core.exploration.learning import gain_learner, ppo
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tests.core.exploration.quick import QUICK
 
 

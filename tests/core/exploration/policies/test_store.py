@@ -9,7 +9,7 @@ from upath import UPath
 from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.approaches import APPROACHES, find_approach
 from tactile_core.exploration.policies.store import load_policies
-from tactile_core.files import read_table
+from tactile_core.parquet import read_table
 from tests.core.exploration.quick import QUICK
 
 OF_BOTH = {"policy.safetensors", "curve.parquet", "trained_on.parquet", "settings.json"}

@@ -12,7 +12,7 @@ from tactile_core.exploration.practice import practice
 from tactile_core.exploration.practice.practice import Practice, practise, record
 from tactile_core.exploration.practice.ray_touches import practised, rays_and_outlines
 from tactile_core.exploration.world.rays import RAYS, cast_rays
-from tactile_core.files import read_table, table_hash, write_table
+from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import NetSettings, PracticeSettings, UNetSettings
