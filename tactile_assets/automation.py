@@ -56,7 +56,8 @@ def look_for_changes(context: dg.SensorEvaluationContext) -> dg.SensorResult | d
     as a disk that is not mounted, is waited for: a run could not read it. An archive whose server
     does not tell its versions is named at every tick.
     """
-    from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
+    from tactile_core.dataset.sources.places import MissingClassError
+    from tactile_core.dataset.sources.watching import source_fingerprint
 
     try:
         found = source_fingerprint(PROFILE.meshes)

@@ -36,7 +36,7 @@ def versions_read(settings: MeshSettings) -> dict[str, dg.JsonMetadataValue]:
     """Which version of its source each class has, for `news_of` to compare; nothing where meshes
     are generated, or a server does not tell. To be asked before they are read, or a change
     between would be missed."""
-    from tactile_core.dataset.sources.places import source_fingerprint
+    from tactile_core.dataset.sources.watching import source_fingerprint
 
     try:
         found = source_fingerprint(settings)
@@ -51,7 +51,7 @@ def news_of(instance: dg.DagsterInstance, asset: str, settings: MeshSettings) ->
 
     Raises `TactileError` where the source is gone or cannot be asked.
     """
-    from tactile_core.dataset.sources.places import source_fingerprint
+    from tactile_core.dataset.sources.watching import source_fingerprint
 
     found = source_fingerprint(settings)
     if found.unwatched:

@@ -11,8 +11,8 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 WINGS = ["dataset", "reconstruction", "exploration", "evaluation", "figures", "play", "commands"]
 ROOMS = {
     "dataset": [
-        "seeds", "sources", "procedural", "geometry", "meshes", "rendering", "packed", "copies",
-        "splits", "outlines", "shapes", "touches", "real", "drawings", "things",
+        "seeds", "sources", "procedural", "geometry", "finding", "meshes", "rendering", "packed",
+        "copies", "splits", "outlines", "shapes", "touches", "real", "drawings", "things",
     ],
     "exploration": [
         "world", "policies", "learning", "practice", "pretrained", "at_hand", "environments",

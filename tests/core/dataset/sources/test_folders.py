@@ -5,7 +5,8 @@ import os
 import pytest
 from upath import UPath
 
-from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
+from tactile_core.dataset.sources.places import MissingClassError
+from tactile_core.dataset.sources.watching import source_fingerprint
 from tactile_core.settings import MeshSettings
 from tests.core.dataset.mesh_files import BOTTLE, MUG, ONE, V2, make_folder, make_zip, obj, refusal
 from tests.object_store import BUCKET, object_store

@@ -11,7 +11,8 @@ import pytest
 from upath import UPath
 
 from tactile_core.dataset.sources.parsing import load_mesh
-from tactile_core.dataset.sources.places import MissingClassError, source_fingerprint
+from tactile_core.dataset.sources.places import MissingClassError
+from tactile_core.dataset.sources.watching import source_fingerprint
 from tactile_core.errors import TactileError
 from tactile_core.settings import MeshSettings
 from tests.core.dataset.mesh_files import (
