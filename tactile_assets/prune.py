@@ -110,8 +110,9 @@ def old_policies(store: Store, before: float) -> Iterator[Old]:
     from tactile_core.exploration.policies.index import INDEX, read_versions  # torch takes seconds
 
     folder = store.path("policies")
-    named: Set[str] = read_versions(folder).keys() if (folder / INDEX).exists() else set()
-    for policy in children(folder):
+    stored = children(folder)
+    named: Set[str] = read_versions(folder).keys() if folder / INDEX in stored else set()
+    for policy in stored:
         if policy.is_dir() and policy.name not in named and newest(policy) < before:
             yield left("policy", policy)
 
@@ -126,21 +127,29 @@ def old_work(store: Store, before: float) -> Iterator[Old]:
 
 def left(kind: str, place: UPath) -> Old:
     """A file or folder that may go."""
-    size = sum(file.stat().st_size for file in files_in(place))
-    return Old(kind, place.name, size, lambda: place.fs.rm(place.path, recursive=True))
+
+    def remove() -> None:
+        with in_reach(place, "removed"):
+            place.fs.rm(place.path, recursive=True)
+
+    return Old(kind, place.name, sum(stat.st_size for stat in stats_of(place)), remove)
 
 
 def newest(place: UPath) -> float:
     """When the last of a folder's files was written, or a file; in Unix time."""
-    return max((file.stat().st_mtime for file in files_in(place)), default=0.0)
+    return max((stat.st_mtime for stat in stats_of(place)), default=0.0)
 
 
-def files_in(place: UPath) -> list[UPath]:
-    return [file for file in place.rglob("*") if file.is_file()] if place.is_dir() else [place]
+def stats_of(place: UPath) -> list[Any]:
+    """Size and time of a folder's files, or of a file."""
+    with in_reach(place, "listed"):
+        files = [file for file in place.rglob("*") if file.is_file()] if place.is_dir() else [place]
+        return [file.stat() for file in files]
 
 
 def children(folder: UPath) -> list[UPath]:
-    return sorted(folder.iterdir(), key=lambda path: path.name) if folder.is_dir() else []
+    with in_reach(folder, "listed"):
+        return sorted(folder.iterdir(), key=lambda path: path.name) if folder.is_dir() else []
 
 
 def report(found: list[Old], settings: PruneSettings) -> Iterator[str]:
@@ -155,11 +164,10 @@ def prune(
     instance: dg.DagsterInstance, store: Store, settings: PruneSettings, say: Callable[[str], Any]
 ) -> None:
     """Remove what is old, or with `dry_run` only say what that would be."""
-    with in_reach(store.path(), "pruned"):
-        found = find_old(instance, store, settings)
-        if not settings.dry_run:
-            for old in found:
-                old.remove()
+    found = find_old(instance, store, settings)
+    if not settings.dry_run:
+        for old in found:
+            old.remove()
     for line in report(found, settings):
         say(line)
 
