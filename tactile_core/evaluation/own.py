@@ -40,7 +40,7 @@ def stored_run(artifacts: UPath) -> StoredRun:
     if not (artifacts / "rollouts.parquet").exists():
         raise TactileError(
             f"no run has left rollouts in {artifacts}: dagster asset materialize --select "
-            "'+rollouts' makes them and all that they need"
+            "'*rollouts' makes them and all that they need"
         )
     splits, outlines, rollouts = (
         read_table(artifacts / f"{name}.parquet")

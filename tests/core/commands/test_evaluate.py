@@ -101,7 +101,7 @@ def test_what_cannot_be_evaluated_is_told_in_one_line(evaluate, home, code, name
 
 
 def test_a_file_that_is_not_there_and_a_home_without_a_run_are_told_in_one_line(evaluate, tmp_path):
-    assert "'+rollouts'" in evaluate(EVEN, "mine", home=tmp_path / "empty").stderr.splitlines()[-1]
+    assert "'*rollouts'" in evaluate(EVEN, "mine", home=tmp_path / "empty").stderr.splitlines()[-1]
     for own in ("nothing.py:choose", "my_policy.py", str(tmp_path)):
         done = CliRunner().invoke(main, ["evaluate", own])
         assert done.exit_code == 1 and "give FILE:NAME" in done.stderr
