@@ -1,6 +1,5 @@
 """Report, section V: a U-Net that completes a shape from a few touches."""
 
-import contextlib
 import time
 from pathlib import Path
 
@@ -24,7 +23,7 @@ from tactile_assets.metadata import (
     wing,
 )
 from tactile_assets.resources import Store
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.files import remove_folder
 from tactile_core.parquet import read_table
 from tactile_core.settings import PracticeSettings, SearchSettings, UNetSettings
@@ -316,12 +315,15 @@ def reconstruction_evaluation(
 
 
 def previous_unet(place: UPath) -> TrainedUNet | None:
-    """The U-Net of an earlier run, if there is one and it can be read."""
+    """The U-Net of an earlier run, if there is one and it is whole."""
     from tactile_core.reconstruction.trained import load_unet
 
-    with contextlib.suppress(TactileError):
+    try:
         return load_unet(place)
-    return None
+    except OutOfReachError:  # it may be there: mend the store before anything is trained anew
+        raise
+    except TactileError:
+        return None
 
 
 def seen_by(unets: UNetsBySeed) -> dict[str, pd.DataFrame]:

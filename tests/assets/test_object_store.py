@@ -83,17 +83,21 @@ for asset in ("masks", "unet", "policies"):
         assert "credentials" in line
 
 
-def test_a_store_without_a_key_sets_no_mesh_aside_and_damages_no_step(tmp_path):
+def test_a_store_without_a_key_sets_no_mesh_aside_trains_nothing_anew_and_damages_no_step(tmp_path):
     code = f"""
 import dagster as dg
 from upath import UPath
 from tactile_assets.io_managers import Steps
+from tactile_assets.reconstruction import previous_unet
+from tactile_core.exploration.learning.train import finished
 from tactile_core.dataset.rendering.silhouettes import Job, render
 from tactile_core.errors import OutOfReachError
 root = UPath("{STORE}")
 with dg.build_input_context() as context:
     for read in (
         lambda: render(Job("a.obj", "0", ()), root, 64, None),
+        lambda: previous_unet(root / "unet"),
+        lambda: finished(root / "policies", "of some key"),
         lambda: Steps(base_path=root).load_from_path(context, root / "planned.json"),
     ):
         try:
@@ -102,7 +106,8 @@ with dg.build_input_context() as context:
             print(error)
 """
     lines = said_without_a_key(code, tmp_path)
-    for line, name in zip(lines, ("a.obj", "planned.json"), strict=True):
+    names = ("a.obj", "unet/settings.json", "policies/settings.json", "planned.json")
+    for line, name in zip(lines, names, strict=True):
         assert line.startswith(f"{STORE}/{name} cannot be read (") and line.endswith("): mend that")
 
 

@@ -9,7 +9,7 @@ import torch
 from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.exploration.learning.approach import Approach
 from tactile_core.exploration.learning.gain_learner import train_scorer
 from tactile_core.exploration.learning.ppo import train_ppo
@@ -125,6 +125,8 @@ def finished(directory: UPath, key: str) -> str | None:
         read_weights(directory, description)
         trained_on([directory])
         read_table(directory / CURVE, "policies")
+    except OutOfReachError:  # it may be there: mend the store before anything is trained anew
+        raise
     except TactileError:
         return None
     return description.version if description.key == key else None
