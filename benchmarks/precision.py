@@ -18,10 +18,10 @@ from tactile_core.exploration.world.state import Explorations
 from tactile_core.parquet import read_table
 from tactile_core.reconstruction.batches import draw_touch_sets
 from tactile_core.reconstruction.engines import Precision
+from tactile_core.reconstruction.epoch import begin_training, train_epoch
 from tactile_core.reconstruction.inference import Reconstructor, best_device, bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
-from tactile_core.reconstruction.training import begin_training, train_epoch
 
 GOAL = 0.1  # points of the Jaccard index
 ROUGH: tuple[Precision, ...] = ("bfloat16", "int8")  # what is compared with float32

@@ -12,8 +12,8 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.batches import felt_outlines, training_batches
 from tactile_core.reconstruction.engines import Precision
+from tactile_core.reconstruction.epoch import begin_training, train_epoch
 from tactile_core.reconstruction.inference import Reconstructor, best_device, bfloat16_pays
-from tactile_core.reconstruction.training import begin_training, train_epoch
 from tactile_core.reconstruction.unet import UNet
 
 BATCH = PROFILES["laptop"].policies.environments

@@ -11,11 +11,12 @@ from tactile_core.files import content_hash
 from tactile_core.keys import work_key
 from tactile_core.progress import teller
 from tactile_core.reconstruction.batches import draw_touch_sets, felt_outlines
+from tactile_core.reconstruction.epoch import begin_training, train_epoch
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.stored_touches import touch_sets_of
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
+from tactile_core.reconstruction.training import evaluate
 from tactile_core.reconstruction.unet import on_device
 
 OVERFIT_TOUCHES = 60

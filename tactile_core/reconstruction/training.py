@@ -1,7 +1,6 @@
 """Training the reconstruction U-Net (report, section V)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,114 +15,26 @@ from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.dataset.touches import rasterise_touches
-from tactile_core.errors import TactileError
 from tactile_core.keys import work_key
 from tactile_core.progress import teller
-from tactile_core.reconstruction.batches import (
-    DrawFelt,
-    TouchSource,
-    draw_touch_sets,
-    felt_outlines,
-    outline_source,
-    training_batches,
-)
+from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets, outline_source
 from tactile_core.reconstruction.eight_bits import with_eight_bits
+from tactile_core.reconstruction.epoch import (
+    PARTS,
+    UNetTraining,
+    begin_training,
+    finite,
+    train_epoch,
+)
 from tactile_core.reconstruction.hyperparameters import required
-from tactile_core.reconstruction.inference import best_device, bfloat16_pays
+from tactile_core.reconstruction.inference import bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack, picked, unpack
 from tactile_core.reconstruction.trained import TrainedUNet
-from tactile_core.reconstruction.unet import UNet, on_device
 from tactile_core.settings import UNetSettings
 from tactile_core.tensorboard import curves_folder
 
 EVALUATION_BATCH = 128
-
-
-@dataclass
-class UNetTraining:
-    """A U-Net in training: the net, its optimiser and all that a checkpoint must hold."""
-
-    net: UNet
-    optimizer: torch.optim.Optimizer
-    rng: np.random.Generator
-    device: torch.device
-
-    def state(self) -> dict[str, Any]:
-        return {
-            "net": self.net.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "rng": self.rng.bit_generator.state,
-        }
-
-    def load_state(self, state: dict[str, Any]) -> None:
-        self.net.load_state_dict(state["net"])
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.rng.bit_generator.state = state["rng"]
-
-
-def begin_training(
-    depth: int, channels: int, learning_rate: float, seed: int, known: KnownShapes | None = None
-) -> UNetTraining:
-    """A freshly initialised U-Net with its optimiser, on the best device."""
-    torch.manual_seed(seed)
-    device = best_device()
-    net = on_device(UNet(depth, channels, known), device)
-    if known and bfloat16_pays(device.type):
-        known.to(torch.bfloat16)
-    optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4, fused=True)
-    return UNetTraining(net, optimizer, np.random.default_rng(seed), device)
-
-
-def train_epoch(
-    training: UNetTraining,
-    shapes: Shapes,
-    batch_size: int,
-    draw: DrawFelt | None = None,
-    samples: int | None = None,
-    before_batch: Callable[[float], None] = lambda share: None,
-) -> float:
-    """One epoch of binary cross-entropy; returns the mean loss over all pixels of all batches.
-
-    `before_batch` is told what share of the epoch is done. Raises `TactileError` where the
-    loss is no longer finite.
-    """
-    training.net.train()
-    count = min(samples or len(shapes), len(shapes))
-    batches = training_batches(
-        shapes, batch_size, training.rng, draw or felt_outlines(shapes), samples
-    )
-    total, seen = 0.0, 0
-    for indices, felt, masks in batches:
-        before_batch(seen / count)
-        own = shapes.model_ids[indices] if training.net.known else None
-        loss = bce_loss(training.net, felt, masks, training.device, own)
-        training.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        nn.utils.clip_grad_norm_(training.net.parameters(), 1.0)
-        training.optimizer.step()
-        total += loss.item() * len(masks)
-        seen += len(masks)
-    return finite(total / seen)
-
-
-def bce_loss(
-    net: UNet,
-    felt: np.ndarray,
-    masks: np.ndarray,
-    device: torch.device,
-    models: np.ndarray | None = None,
-) -> torch.Tensor:
-    """Mean binary cross-entropy over all pixels of (B, R, R) felt images and masks.
-
-    models : (B,) str, whose masks these are, for a net that must not recall them
-    """
-    inputs = torch.from_numpy(felt).to(device, torch.float32)[:, None]
-    labels = torch.from_numpy(masks).to(device, torch.float32)[:, None]
-    pays = bfloat16_pays(device.type)
-    with torch.autocast(device.type, torch.bfloat16, enabled=pays):
-        logits = net(inputs.contiguous(memory_format=torch.channels_last), models)
-    return functional.binary_cross_entropy_with_logits(logits.float(), labels)
 
 
 @torch.no_grad()
@@ -157,13 +68,6 @@ def evaluate(
         losses.append(loss.item() * len(some))
         scores.append(jaccard_index(torch.sigmoid(logits)[:, 0].cpu().numpy(), some))
     return finite(sum(losses) / len(owners)), np.concatenate(scores)
-
-
-def finite(loss: float) -> float:
-    """The loss; raises `TactileError` where the training has exploded."""
-    if not np.isfinite(loss):
-        raise TactileError("the U-Net's loss is no longer finite: choose a lower learning_rate")
-    return loss
 
 
 def train_unet(
@@ -225,7 +129,9 @@ def train_unet(
             set_rate(training, rate, done + share, settings.epochs)
             tell(done + share, f"U-Net: {share:.0%} through epoch {done + 1} of {settings.epochs}")
 
-        loss = train_epoch(training, train, batch_size, touches.draw, before_batch=before_batch)
+        loss = train_epoch(
+            training, train, batch_size, touches.draw, before_batch=before_batch, parts=PARTS
+        )
         eval_loss, scores = evaluate(training.net, touch_sets, eval_shapes.packed, training.device)
         row = {
             "epoch": epoch, "train_loss": loss,

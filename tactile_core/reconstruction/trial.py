@@ -14,7 +14,8 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.keys import work_key
 from tactile_core.processes import end_with_parent
 from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
-from tactile_core.reconstruction.training import begin_training, evaluate, train_epoch
+from tactile_core.reconstruction.epoch import begin_training, train_epoch
+from tactile_core.reconstruction.training import evaluate
 from tactile_core.settings import SearchSettings
 
 CHECKPOINT = "trial.pt"

@@ -156,7 +156,7 @@ CHANGES = {
         {"masks": 6, "rotated": 6, "unet": False, "total": False, "gain": False, "trial": False},
     ),
     "training": (
-        "reconstruction/training.py", "weight_decay=1e-4", "weight_decay=1e-3",
+        "reconstruction/epoch.py", "weight_decay=1e-4", "weight_decay=1e-3",
         {"unet": False, "trial": False},
     ),
     "ppo": ("exploration/learning/ppo.py", "ent_coef=settings.entropy", "ent_coef=0.5",

@@ -11,17 +11,14 @@ from upath import UPath
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction import search as search_module
 from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
+from tactile_core.reconstruction.epoch import begin_training, train_epoch
 from tactile_core.reconstruction.hyperparameters import with_best_trial
 from tactile_core.reconstruction.search import (
     resources_per_trial,
     search_unet,
     seeded,
 )
-from tactile_core.reconstruction.training import (
-    begin_training,
-    evaluate,
-    train_epoch,
-)
+from tactile_core.reconstruction.training import evaluate
 from tactile_core.reconstruction.trial import trial_key
 from tactile_core.settings import SearchSettings, UNetSettings
 from tests.object_store import BUCKET, object_store

@@ -1,5 +1,8 @@
 """Training the U-Net (report, section V)."""
 
+import copy
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import torch
@@ -16,18 +19,22 @@ from tactile_core.reconstruction.batches import (
     ORIENTATIONS,
     TouchSource,
     draw_touch_sets,
+    felt_outlines,
     outline_source,
+)
+from tactile_core.reconstruction.epoch import (
+    PARTS,
+    backward,
+    bce_loss,
+    begin_training,
+    keep_mean_statistics,
+    sharing_weights,
+    train_epoch,
 )
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.known_shapes import KnownShapes, unpack
 from tactile_core.reconstruction.trained import load_unet, save_unet
-from tactile_core.reconstruction.training import (
-    begin_training,
-    evaluate,
-    stopped_early,
-    train_epoch,
-    train_unet,
-)
+from tactile_core.reconstruction.training import evaluate, stopped_early, train_unet
 from tactile_core.settings import UNetSettings
 
 QUICK = UNetSettings(learning_rate=1e-2, batch_size=6, depth=2, channels=4, epochs=4)
@@ -237,6 +244,44 @@ def test_a_last_batch_of_one_joins_the_one_before(small_shapes):
     training = begin_training(4, 2, 1e-3, seed=0)
     nine = small_shapes["train"].select(np.arange(9))
     assert np.isfinite(train_epoch(training, nine, batch_size=4))
+
+
+def test_in_parts_gradients_and_statistics_are_the_means_of_those_of_each_part(small_shapes):
+    device = torch.device("cpu")
+    some = small_shapes["train"].select(np.arange(17))
+    felt = felt_outlines(some)(np.random.default_rng(0), np.arange(17))
+    net = begin_training(2, 4, 1e-3, seed=0).net.train()
+    alone = [copy.deepcopy(net), copy.deepcopy(net)]
+    expected = 0.0
+    for one, part in zip(alone, (slice(9), slice(9, 17)), strict=True):
+        loss = bce_loss(one, felt[part], some.masks[part], device) * len(felt[part]) / 17
+        loss.backward()
+        expected += loss.item()
+    nets = sharing_weights(net, 2)
+    with ThreadPoolExecutor(2) as threads:
+        found = backward(nets, felt, some.masks, device, None, threads)
+    keep_mean_statistics(nets)
+    assert found.item() == pytest.approx(expected)
+    for mean, one, other in zip(net.parameters(), *(n.parameters() for n in alone), strict=True):
+        torch.testing.assert_close(mean.grad, one.grad + other.grad)
+    for mean, one, other in zip(net.buffers(), *(n.buffers() for n in alone), strict=True):
+        torch.testing.assert_close(mean.float(), (one + other) / 2)
+
+
+@pytest.mark.parametrize("batch_size", [5, 17, 24])
+def test_an_epoch_in_parts_trains_the_same_bytes_whatever_thread_is_first(small_shapes, batch_size):
+    def trained():
+        training = begin_training(2, 4, 1e-3, seed=0)
+        losses = [
+            train_epoch(training, small_shapes["train"], batch_size, parts=PARTS) for _ in range(2)
+        ]
+        return losses, training.net.state_dict(), training.optimizer.state_dict()["state"]
+
+    first = trained()
+    for _ in range(5):
+        again = trained()
+        assert again[0] == first[0]
+        torch.testing.assert_close(again[1:], first[1:], rtol=0, atol=0)
 
 
 def test_an_epoch_tells_what_share_of_it_is_done(small_shapes):

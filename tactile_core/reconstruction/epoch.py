@@ -1,0 +1,169 @@
+"""One epoch of the U-Net's training: a step of AdamW for each batch of masks and touches.
+
+A U-Net of a few channels gains nothing from two threads that share each layer's work. So they share
+the batch: each part of it passes through the net on a thread of its own and is normalised by
+itself. How a batch is parted does not depend on how many processors there are, and neither do the
+weights that come of it.
+"""
+
+import copy
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from tactile_core.dataset.shapes import Shapes
+from tactile_core.errors import TactileError
+from tactile_core.reconstruction.batches import DrawFelt, felt_outlines, training_batches
+from tactile_core.reconstruction.inference import best_device, bfloat16_pays
+from tactile_core.reconstruction.known_shapes import KnownShapes
+from tactile_core.reconstruction.unet import UNet, on_device
+
+PARTS = 2
+SMALLEST_PART = 8  # images: the mean and deviation of fewer are too rough to normalise by
+
+
+@dataclass
+class UNetTraining:
+    """A U-Net in training: the net, its optimiser and all that a checkpoint must hold."""
+
+    net: UNet
+    optimizer: torch.optim.Optimizer
+    rng: np.random.Generator
+    device: torch.device
+
+    def state(self) -> dict[str, Any]:
+        return {
+            "net": self.net.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "rng": self.rng.bit_generator.state,
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        self.net.load_state_dict(state["net"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.rng.bit_generator.state = state["rng"]
+
+
+def begin_training(
+    depth: int, channels: int, learning_rate: float, seed: int, known: KnownShapes | None = None
+) -> UNetTraining:
+    """A freshly initialised U-Net with its optimiser, on the best device."""
+    torch.manual_seed(seed)
+    device = best_device()
+    net = on_device(UNet(depth, channels, known), device)
+    if known and bfloat16_pays(device.type):
+        known.to(torch.bfloat16)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=learning_rate, weight_decay=1e-4, fused=True)
+    return UNetTraining(net, optimizer, np.random.default_rng(seed), device)
+
+
+def train_epoch(
+    training: UNetTraining,
+    shapes: Shapes,
+    batch_size: int,
+    draw: DrawFelt | None = None,
+    samples: int | None = None,
+    before_batch: Callable[[float], None] = lambda share: None,
+    parts: int = 1,
+) -> float:
+    """One epoch of binary cross-entropy; returns the mean loss over all pixels of all batches.
+
+    `before_batch` is told what share of the epoch is done. On a processor each batch is trained
+    with in `parts` at once, or in fewer where that would leave a part fewer images than
+    `SMALLEST_PART`. Raises `TactileError` where the loss is no longer finite.
+    """
+    training.net.train()
+    nets = sharing_weights(training.net, parts if training.device.type == "cpu" else 1)
+    count = min(samples or len(shapes), len(shapes))
+    batches = training_batches(
+        shapes, batch_size, training.rng, draw or felt_outlines(shapes), samples
+    )
+    total, seen = 0.0, 0
+    with ThreadPoolExecutor(len(nets)) as threads:
+        for indices, felt, masks in batches:
+            before_batch(seen / count)
+            models = shapes.model_ids[indices] if training.net.known else None
+            loss = backward(nets, felt, masks, training.device, models, threads)
+            nn.utils.clip_grad_norm_(training.net.parameters(), 1.0)
+            training.optimizer.step()
+            total += loss.item() * len(masks)
+            seen += len(masks)
+    keep_mean_statistics(nets)
+    return finite(total / seen)
+
+
+def sharing_weights(net: UNet, count: int) -> list[UNet]:
+    """The net and others that have its weights, and running statistics of their own."""
+    shared = {id(part): part for part in (*net.parameters(), net.known)}
+    return [net, *(copy.deepcopy(net, dict(shared)) for _ in range(count - 1))]
+
+
+@torch.no_grad()
+def keep_mean_statistics(nets: Sequence[UNet]) -> None:
+    """Give the first net the mean of all running means and deviations."""
+    for part, *others in zip(*(net.modules() for net in nets), strict=True):
+        if isinstance(part, nn.BatchNorm2d):
+            for name in ("running_mean", "running_var"):
+                every = [getattr(one, name) for one in (part, *others)]
+                every[0].copy_(torch.stack(every).mean(dim=0))
+
+
+def backward(
+    nets: Sequence[UNet],
+    felt: np.ndarray,
+    masks: np.ndarray,
+    device: torch.device,
+    models: np.ndarray | None,
+    threads: ThreadPoolExecutor,
+) -> Tensor:
+    """The loss as of `bce_loss`, whose gradients become those of the weights that the nets share.
+
+    Each net has a part of the batch, by which its layers normalise.
+    """
+    weights = list(nets[0].parameters())
+    count = min(len(nets), max(1, len(masks) // SMALLEST_PART))
+    parts = np.array_split(np.arange(len(masks)), count)
+
+    def of_part(net: UNet, part: np.ndarray) -> tuple[Tensor, Sequence[Tensor]]:
+        own = None if models is None else models[part]
+        loss = bce_loss(net, felt[part], masks[part], device, own) * (len(part) / len(masks))
+        # Not loss.backward(): in two threads that adds up by who comes first.
+        return loss.detach(), torch.autograd.grad(loss, weights)
+
+    found = list((threads.map if count > 1 else map)(of_part, nets[:count], parts))
+    for weight, *gradients in zip(weights, *(each for _, each in found), strict=True):
+        weight.grad = torch.stack(gradients).sum(dim=0) if count > 1 else gradients[0]
+    return torch.stack([loss for loss, _ in found]).sum()
+
+
+def bce_loss(
+    net: UNet,
+    felt: np.ndarray,
+    masks: np.ndarray,
+    device: torch.device,
+    models: np.ndarray | None = None,
+) -> Tensor:
+    """Mean binary cross-entropy over all pixels of (B, R, R) felt images and masks.
+
+    models : (B,) str, whose masks these are, for a net that must not recall them
+    """
+    inputs = torch.from_numpy(felt).to(device, torch.float32)[:, None]
+    labels = torch.from_numpy(masks).to(device, torch.float32)[:, None]
+    pays = bfloat16_pays(device.type)
+    # Each weight is used once: to keep what it was cast to would only tie threads together.
+    with torch.autocast(device.type, torch.bfloat16, enabled=pays, cache_enabled=False):
+        logits = net(inputs.contiguous(memory_format=torch.channels_last), models)
+    return functional.binary_cross_entropy_with_logits(logits.float(), labels)
+
+
+def finite(loss: float) -> float:
+    """The loss; raises `TactileError` where the training has exploded."""
+    if not np.isfinite(loss):
+        raise TactileError("the U-Net's loss is no longer finite: choose a lower learning_rate")
+    return loss
