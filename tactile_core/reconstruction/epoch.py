@@ -79,7 +79,9 @@ def train_epoch(
     `SMALLEST_PART`. Raises `TactileError` where the loss is no longer finite.
     """
     training.net.train()
-    nets = sharing_weights(training.net, parts if training.device.type == "cpu" else 1)
+    if training.device.type != "cpu" or draws_numbers(training.net):
+        parts = 1
+    nets = sharing_weights(training.net, parts)
     count = min(samples or len(shapes), len(shapes))
     batches = training_batches(
         shapes, batch_size, training.rng, draw or felt_outlines(shapes), samples
@@ -98,6 +100,11 @@ def train_epoch(
     return finite(total / seen)
 
 
+def draws_numbers(net: nn.Module) -> bool:
+    """Whether it has dropout, whose numbers two threads would draw by who comes first."""
+    return any(isinstance(layer, nn.modules.dropout._DropoutNd) for layer in net.modules())
+
+
 def sharing_weights(net: UNet, count: int) -> list[UNet]:
     """The net and others that have its weights, and running statistics of their own."""
     shared = {id(part): part for part in (*net.parameters(), net.known)}
@@ -106,12 +113,10 @@ def sharing_weights(net: UNet, count: int) -> list[UNet]:
 
 @torch.no_grad()
 def keep_mean_statistics(nets: Sequence[UNet]) -> None:
-    """Give the first net the mean of all running means and deviations."""
-    for part, *others in zip(*(net.modules() for net in nets), strict=True):
-        if isinstance(part, nn.BatchNorm2d):
-            for name in ("running_mean", "running_var"):
-                every = [getattr(one, name) for one in (part, *others)]
-                every[0].copy_(torch.stack(every).mean(dim=0))
+    """Give the first net the mean of all running means and variances."""
+    for own, *others in zip(*(net.buffers() for net in nets), strict=True):
+        if own.is_floating_point() and not any(other is own for other in others):
+            own.copy_(torch.stack([own, *others]).mean(dim=0))
 
 
 def backward(

@@ -265,13 +265,17 @@ def test_in_parts_gradients_and_statistics_are_the_means_of_those_of_each_part(s
     for mean, one, other in zip(net.parameters(), *(n.parameters() for n in alone), strict=True):
         torch.testing.assert_close(mean.grad, one.grad + other.grad)
     for mean, one, other in zip(net.buffers(), *(n.buffers() for n in alone), strict=True):
-        torch.testing.assert_close(mean.float(), (one + other) / 2)
+        torch.testing.assert_close(mean.float(), (one.float() + other.float()) / 2)
 
 
 @pytest.mark.parametrize("batch_size", [5, 17, 24])
-def test_an_epoch_in_parts_trains_the_same_bytes_whatever_thread_is_first(small_shapes, batch_size):
+@pytest.mark.parametrize("layers", [[], [nn.Dropout2d(0.5)]])
+def test_an_epoch_in_parts_trains_the_same_bytes_whatever_thread_is_first(
+    small_shapes, batch_size, layers
+):
     def trained():
         training = begin_training(2, 4, 1e-3, seed=0)
+        training.net.contract[0].extend(layers)
         losses = [
             train_epoch(training, small_shapes["train"], batch_size, parts=PARTS) for _ in range(2)
         ]
