@@ -2,8 +2,7 @@
 
 A U-Net of a few channels gains nothing from two threads that share each layer's work. So they share
 the batch: each part of it passes through the net on a thread of its own and is normalised by
-itself. How a batch is parted does not depend on how many processors there are, and neither do the
-weights that come of it.
+itself. How a batch is parted does not depend on how many processors there are.
 """
 
 import copy
@@ -143,7 +142,10 @@ def backward(
 
     found = list((threads.map if count > 1 else map)(of_part, nets[:count], parts))
     for weight, *gradients in zip(weights, *(each for _, each in found), strict=True):
-        weight.grad = torch.stack(gradients).sum(dim=0) if count > 1 else gradients[0]
+        # In the layout of the weight: fused AdamW takes it for granted, and looks at no other.
+        weight.grad = torch.zeros_like(weight)
+        for gradient in gradients:
+            weight.grad += gradient
     return torch.stack([loss for loss, _ in found]).sum()
 
 

@@ -1,5 +1,6 @@
 """The page that shows the whole platform, and the plain commands that read it."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -56,6 +57,23 @@ def test_every_asset_says_what_it_is(asset):
     assert spec.tags["section"] in {"IV", "V", "VI", "VII"}
     [source] = spec.metadata["dagster/code_references"].code_references
     assert Path(source.file_path).is_relative_to(REPOSITORY / "tactile_assets")
+
+
+@pytest.mark.parametrize(
+    ("recipe", "changed"),
+    [("A reward", "policies"), ("A rule", "rollouts"), ("Another U-Net", "unet_search")],
+)
+def test_a_recipes_command_makes_what_it_changes_and_all_that_comes_of_it(
+    recipe, changed, tmp_path
+):
+    text = (REPOSITORY / "README.md").read_text().partition(f"**{recipe}**")[2]
+    selected = re.findall(r"dagster asset materialize --select ('.*')", text)[0]
+    follows = {changed}
+    for asset in IN_ORDER:
+        if follows & {dep.asset_key.to_user_string() for dep in SPECS[asset].deps}:
+            follows.add(asset)
+    listed = shell(f"dagster asset list --select {selected}", tmp_path).stdout.split()
+    assert set(listed) == follows
 
 
 def test_loading_the_definitions_imports_nothing_heavy():

@@ -246,11 +246,12 @@ def test_a_last_batch_of_one_joins_the_one_before(small_shapes):
     assert np.isfinite(train_epoch(training, nine, batch_size=4))
 
 
-def test_in_parts_gradients_and_statistics_are_the_means_of_those_of_each_part(small_shapes):
+def test_a_step_in_parts_is_one_by_the_mean_of_the_gradients_of_each_part(small_shapes):
     device = torch.device("cpu")
     some = small_shapes["train"].select(np.arange(17))
     felt = felt_outlines(some)(np.random.default_rng(0), np.arange(17))
-    net = begin_training(2, 4, 1e-3, seed=0).net.train()
+    training = begin_training(2, 4, 1e-3, seed=0)
+    net = training.net.train()
     alone = [copy.deepcopy(net), copy.deepcopy(net)]
     expected = 0.0
     for one, part in zip(alone, (slice(9), slice(9, 17)), strict=True):
@@ -266,6 +267,13 @@ def test_in_parts_gradients_and_statistics_are_the_means_of_those_of_each_part(s
         torch.testing.assert_close(mean.grad, one.grad + other.grad)
     for mean, one, other in zip(net.buffers(), *(n.buffers() for n in alone), strict=True):
         torch.testing.assert_close(mean.float(), (one.float() + other.float()) / 2)
+    plain = torch.optim.AdamW(alone[0].parameters(), lr=1e-3, weight_decay=1e-4)
+    for weight, other in zip(*(one.parameters() for one in alone), strict=True):
+        weight.grad += other.grad
+    training.optimizer.step()
+    plain.step()
+    for weight, expected in zip(net.parameters(), alone[0].parameters(), strict=True):
+        torch.testing.assert_close(weight, expected)
 
 
 @pytest.mark.parametrize("batch_size", [5, 17, 24])
