@@ -1,7 +1,8 @@
 """The table of ratios: `python -m benchmarks.bench`, or `make bench`; about four minutes.
 
 Ours and the plain way are measured in turn, in one run on one machine, with one thread of torch
-for both, as in the trainings, which run side by side, one a core. `build/bench` receives
+for both, as in the trainings, which run side by side, one a core (a U-Net's halves take one each).
+`build/bench` receives
 
 - bench.csv: what, ours, plain, unit, ratio, goal
 - cost.csv: cost against size, as drawn in cost.png

@@ -12,7 +12,7 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.profiles import PROFILES
 from tactile_core.reconstruction.batches import felt_outlines, training_batches
 from tactile_core.reconstruction.engines import Precision
-from tactile_core.reconstruction.epoch import begin_training, train_epoch
+from tactile_core.reconstruction.epoch import PARTS, begin_training, train_epoch
 from tactile_core.reconstruction.inference import Reconstructor, best_device, bfloat16_pays
 from tactile_core.reconstruction.unet import UNet
 
@@ -42,6 +42,10 @@ def unet_rows(pace: Pace) -> list[Row]:
         at_least(
             f"U-Net training, batch {TRAINING_BATCH}, beside a float32 loop over the middle half",
             alternated(our_training(some), plain_training(some, cropped=True), pace), "images/s",
+        ),
+        at_least(
+            f"U-Net training, batch {TRAINING_BATCH}, in two halves on two threads beside whole",
+            alternated(our_training(some, parts=PARTS), our_training(some), pace), "images/s",
         ),
     ]  # fmt: skip
 
@@ -90,12 +94,12 @@ def matrix_product(size: int, dtype: torch.dtype) -> Work:
     return work
 
 
-def our_training(some: Shapes) -> Work:
+def our_training(some: Shapes, parts: int = 1) -> Work:
     """An epoch of `train_epoch`."""
     training = begin_training(DEPTH, CHANNELS, LEARNING_RATE, seed=0)
 
     def work() -> float:
-        train_epoch(training, some, TRAINING_BATCH, felt_outlines(some))
+        train_epoch(training, some, TRAINING_BATCH, felt_outlines(some), parts=parts)
         return len(some)
 
     return work
