@@ -1,6 +1,7 @@
 """Training the reconstruction U-Net (report, section V)."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,6 @@ from tactile_core.tensorboard import curves_folder
 EVALUATION_BATCH = 128
 
 
-@torch.no_grad()
 def evaluate(
     net: nn.Module,
     touch_sets: Sequence[np.ndarray],
@@ -54,19 +54,25 @@ def evaluate(
     Raises `TactileError` where the loss is not finite.
     """
     net.eval()
-    losses, scores = [], []
     owners = np.arange(len(masks)) if owners is None else owners
-    for start in range(0, len(owners), EVALUATION_BATCH):
+
+    @torch.no_grad()
+    def of_batch(start: int) -> tuple[float, np.ndarray]:
         batch = slice(start, start + EVALUATION_BATCH)
         some, own = masks[owners[batch]], None if models is None else models[owners[batch]]
         touched = torch.from_numpy(rasterise_touches(touch_sets[batch], masks.shape[-1]))
         inputs = touched.to(device, torch.float32)[:, None]
-        with torch.autocast(device.type, torch.bfloat16, enabled=bfloat16_pays(device.type)):
+        pays = bfloat16_pays(device.type)
+        with torch.autocast(device.type, torch.bfloat16, enabled=pays, cache_enabled=False):
             logits = net(inputs.contiguous(memory_format=torch.channels_last), own).float()
         labels = torch.from_numpy(some).to(device, torch.float32)[:, None]
         loss = functional.binary_cross_entropy_with_logits(logits, labels)
-        losses.append(loss.item() * len(some))
-        scores.append(jaccard_index(torch.sigmoid(logits)[:, 0].cpu().numpy(), some))
+        scores = jaccard_index(torch.sigmoid(logits)[:, 0].cpu().numpy(), some)
+        return loss.item() * len(some), scores
+
+    with ThreadPoolExecutor(PARTS if device.type == "cpu" else 1) as threads:
+        found = list(threads.map(of_batch, range(0, len(owners), EVALUATION_BATCH)))
+    losses, scores = zip(*found, strict=True)
     return finite(sum(losses) / len(owners)), np.concatenate(scores)
 
 

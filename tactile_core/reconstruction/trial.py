@@ -14,7 +14,7 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.keys import work_key
 from tactile_core.processes import end_with_parent
 from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
-from tactile_core.reconstruction.epoch import begin_training, train_epoch
+from tactile_core.reconstruction.epoch import PARTS, begin_training, train_epoch
 from tactile_core.reconstruction.training import evaluate
 from tactile_core.settings import SearchSettings
 
@@ -60,9 +60,8 @@ def run_trial(
     for epoch in range(reported, settings.epochs):
         if epoch >= len(curve):
             batch_size = int(config["batch_size"])
-            train_epoch(
-                training, train, batch_size, touches.draw, samples=settings.samples_per_epoch
-            )
+            samples = settings.samples_per_epoch
+            train_epoch(training, train, batch_size, touches.draw, samples, parts=PARTS)
             loss, scores = evaluate(training.net, touch_sets, eval_shapes.packed, training.device)
             curve = [*curve, {"loss": loss, "jaccard": float(scores.mean())}]
             save_checkpoint(kept, key, {"curve": curve, "training": training.state()})

@@ -11,7 +11,7 @@ from upath import UPath
 from tactile_core.errors import TactileError
 from tactile_core.reconstruction import search as search_module
 from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
-from tactile_core.reconstruction.epoch import begin_training, train_epoch
+from tactile_core.reconstruction.epoch import PARTS, begin_training, train_epoch
 from tactile_core.reconstruction.hyperparameters import with_best_trial
 from tactile_core.reconstruction.search import (
     resources_per_trial,
@@ -96,7 +96,7 @@ def test_a_trial_that_was_paused_ends_as_one_that_was_not(table, small_shapes):
     for row in table.itertuples():
         training = begin_training(row.depth, row.channels, row.learning_rate, SETTINGS.seed)
         for _ in range(row.epochs):
-            train_epoch(training, small_shapes["train"], row.batch_size)
+            train_epoch(training, small_shapes["train"], row.batch_size, parts=PARTS)
             # Normalisation follows what the net has seen, so evaluate as the search does.
             loss, jaccard = evaluate(training.net, touch_sets, masks, training.device)
         assert row.loss == pytest.approx(loss, rel=1e-5)
