@@ -130,21 +130,22 @@ def backward(
 
     Each net has a part of the batch, by which its layers normalise.
     """
-    weights = list(nets[0].parameters())
+    weights = [weight for weight in nets[0].parameters() if weight.requires_grad]
     count = min(len(nets), max(1, len(masks) // SMALLEST_PART))
     parts = np.array_split(np.arange(len(masks)), count)
 
-    def of_part(net: UNet, part: np.ndarray) -> tuple[Tensor, Sequence[Tensor]]:
+    def of_part(net: UNet, part: np.ndarray) -> tuple[Tensor, Sequence[Tensor | None]]:
         own = None if models is None else models[part]
         loss = bce_loss(net, felt[part], masks[part], device, own) * (len(part) / len(masks))
         # Not loss.backward(): in two threads that adds up by who comes first.
-        return loss.detach(), torch.autograd.grad(loss, weights)
+        return loss.detach(), torch.autograd.grad(loss, weights, allow_unused=True)
 
     found = list((threads.map if count > 1 else map)(of_part, nets[:count], parts))
     for weight, *gradients in zip(weights, *(each for _, each in found), strict=True):
+        used = [gradient for gradient in gradients if gradient is not None]
         # In the layout of the weight: fused AdamW takes it for granted, and looks at no other.
-        weight.grad = torch.zeros_like(weight)
-        for gradient in gradients:
+        weight.grad = torch.zeros_like(weight) if used else None
+        for gradient in used:
             weight.grad += gradient
     return torch.stack([loss for loss, _ in found]).sum()
 

@@ -13,7 +13,8 @@ from torch import nn
 from upath import UPath
 
 from tactile_core.errors import TactileError
-from tactile_core.reconstruction import training
+from tactile_core.reconstruction import epoch, training
+from tactile_core.reconstruction import trained as trained_module
 from tactile_core.reconstruction import unet as unet_module
 from tactile_core.reconstruction.batches import (
     ORIENTATIONS,
@@ -274,6 +275,23 @@ def test_a_step_in_parts_is_one_by_the_mean_of_the_gradients_of_each_part(small_
     plain.step()
     for weight, expected in zip(net.parameters(), alone[0].parameters(), strict=True):
         torch.testing.assert_close(weight, expected)
+
+
+def test_a_unet_may_have_weights_that_are_frozen_or_that_nothing_uses(train, monkeypatch):
+    class OwnUNet(unet_module.UNet):
+        def __init__(self, *sizes):
+            super().__init__(*sizes)
+            self.unused = nn.Parameter(torch.ones(3))
+            self.head.requires_grad_(False)
+
+    monkeypatch.setattr(epoch, "UNet", OwnUNet)
+    monkeypatch.setattr(trained_module, "UNet", OwnUNet)
+    torch.manual_seed(QUICK.seed)
+    begun = OwnUNet(QUICK.depth, QUICK.channels)
+    trained = train(QUICK.model_copy(update={"batch_size": 16}))
+    torch.testing.assert_close(trained.weights["head.weight"], begun.head.weight.detach())
+    torch.testing.assert_close(trained.weights["unused"], torch.ones(3))
+    assert not torch.equal(trained.weights["contract.0.0.weight"], begun.contract[0][0].weight)
 
 
 @pytest.mark.parametrize("batch_size", [5, 17, 24])
