@@ -1,4 +1,4 @@
-"""The table of ratios: `python -m benchmarks.bench`, or `make bench`; about four minutes.
+"""The table of ratios: `python -m benchmarks.bench`, or `make bench`; about five minutes.
 
 Ours and the plain way are measured in turn, in one run on one machine, with one thread of torch
 for both, as in the trainings, which run side by side, one a core (a U-Net's halves take one each).

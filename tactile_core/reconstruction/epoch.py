@@ -75,7 +75,8 @@ def train_epoch(
 
     `before_batch` is told what share of the epoch is done. On a processor each batch is trained
     with in `parts` at once, or in fewer where that would leave a part fewer images than
-    `SMALLEST_PART`. Raises `TactileError` where the loss is no longer finite.
+    `SMALLEST_PART`, and whole where the net has dropout. Raises `TactileError` where the loss is
+    no longer finite.
     """
     training.net.train()
     if training.device.type != "cpu" or draws_numbers(training.net):
@@ -126,7 +127,7 @@ def backward(
     models: np.ndarray | None,
     threads: ThreadPoolExecutor,
 ) -> Tensor:
-    """The loss as of `bce_loss`, whose gradients become those of the weights that the nets share.
+    """The loss as of `loss_and_logits`; its gradients become those of the weights that all share.
 
     Each net has a part of the batch, by which its layers normalise.
     """
@@ -136,7 +137,8 @@ def backward(
 
     def of_part(net: UNet, part: np.ndarray) -> tuple[Tensor, Sequence[Tensor | None]]:
         own = None if models is None else models[part]
-        loss = bce_loss(net, felt[part], masks[part], device, own) * (len(part) / len(masks))
+        loss, _ = loss_and_logits(net, felt[part], masks[part], device, own)
+        loss = loss * (len(part) / len(masks))
         # Not loss.backward(): in two threads that adds up by who comes first.
         return loss.detach(), torch.autograd.grad(loss, weights, allow_unused=True)
 
@@ -150,14 +152,15 @@ def backward(
     return torch.stack([loss for loss, _ in found]).sum()
 
 
-def bce_loss(
-    net: UNet,
+def loss_and_logits(
+    net: nn.Module,
     felt: np.ndarray,
     masks: np.ndarray,
     device: torch.device,
     models: np.ndarray | None = None,
-) -> Tensor:
-    """Mean binary cross-entropy over all pixels of (B, R, R) felt images and masks.
+) -> tuple[Tensor, Tensor]:
+    """Mean binary cross-entropy over all pixels of (B, R, R) felt images and masks, and the
+    logits (B, 1, R, R) float32, on `device`.
 
     models : (B,) str, whose masks these are, for a net that must not recall them
     """
@@ -166,8 +169,8 @@ def bce_loss(
     pays = bfloat16_pays(device.type)
     # Each weight is used once: to keep what it was cast to would only tie threads together.
     with torch.autocast(device.type, torch.bfloat16, enabled=pays, cache_enabled=False):
-        logits = net(inputs.contiguous(memory_format=torch.channels_last), models)
-    return functional.binary_cross_entropy_with_logits(logits.float(), labels)
+        logits = net(inputs.contiguous(memory_format=torch.channels_last), models).float()
+    return functional.binary_cross_entropy_with_logits(logits, labels), logits
 
 
 def finite(loss: float) -> float:

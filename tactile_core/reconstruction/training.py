@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import torch
 from torch import nn
-from torch.nn import functional
 from upath import UPath
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
@@ -25,10 +24,10 @@ from tactile_core.reconstruction.epoch import (
     UNetTraining,
     begin_training,
     finite,
+    loss_and_logits,
     train_epoch,
 )
 from tactile_core.reconstruction.hyperparameters import required
-from tactile_core.reconstruction.inference import bfloat16_pays
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack, picked, unpack
 from tactile_core.reconstruction.trained import TrainedUNet
@@ -60,13 +59,8 @@ def evaluate(
     def of_batch(start: int) -> tuple[float, np.ndarray]:
         batch = slice(start, start + EVALUATION_BATCH)
         some, own = masks[owners[batch]], None if models is None else models[owners[batch]]
-        touched = torch.from_numpy(rasterise_touches(touch_sets[batch], masks.shape[-1]))
-        inputs = touched.to(device, torch.float32)[:, None]
-        pays = bfloat16_pays(device.type)
-        with torch.autocast(device.type, torch.bfloat16, enabled=pays, cache_enabled=False):
-            logits = net(inputs.contiguous(memory_format=torch.channels_last), own).float()
-        labels = torch.from_numpy(some).to(device, torch.float32)[:, None]
-        loss = functional.binary_cross_entropy_with_logits(logits, labels)
+        touched = rasterise_touches(touch_sets[batch], masks.shape[-1])
+        loss, logits = loss_and_logits(net, touched, some, device, own)
         scores = jaccard_index(torch.sigmoid(logits)[:, 0].cpu().numpy(), some)
         return loss.item() * len(some), scores
 
