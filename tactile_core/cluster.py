@@ -8,7 +8,6 @@ import contextlib
 import logging
 import os
 import secrets
-import shutil
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -77,19 +76,22 @@ def local_ray(concurrent: int, token: Path) -> Iterator[None]:
         os.environ.pop(name, None)
     forget_token()
     os.environ[ray_folders.VARIABLE] = str(ray_folders.own_folder())
-    ray.init(
-        "local",
-        num_cpus=max(concurrent, processors()),
-        include_dashboard=False,
-        log_to_driver=False,
-        logging_level=logging.ERROR,
-        _temp_dir=str(ray_folders.own_folder()),
-    )
+    try:
+        ray.init(
+            "local",
+            num_cpus=max(concurrent, processors()),
+            include_dashboard=False,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            _temp_dir=str(ray_folders.own_folder()),
+        )
+    finally:
+        del os.environ[ray_folders.VARIABLE]  # what else this process starts is not that Ray's
     try:
         yield
     finally:
         ray.shutdown()
-        shutil.rmtree(ray_folders.own_folder(), ignore_errors=True)
+        ray_folders.remove_ray(ray_folders.own_folder())
 
 
 def quiet() -> None:

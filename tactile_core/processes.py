@@ -1,5 +1,6 @@
 """Processes: which one works, whether it still does, and that its helpers end with it."""
 
+import contextlib
 import ctypes
 import os
 import signal
@@ -11,6 +12,7 @@ from typing import NamedTuple
 import psutil
 
 SET_PARENT_DEATH_SIGNAL = 1  # Linux: prctl's PR_SET_PDEATHSIG
+KILLED_SECONDS = 10  # one that was killed lets go of its memory first, on a busy machine slowly
 CLOCK_STEP = 2.0  # seconds: a clock that is set moves the start of every process
 
 
@@ -50,8 +52,41 @@ class Worker(NamedTuple):
             return True
 
 
-def end_with_parent() -> None:
+def end_with(parent: int) -> None:
     """Let the kernel kill this process as soon as the one that started it is gone, however that
-    ended: nobody reads any more what it makes. Linux only; elsewhere it works to its end."""
+    ended: nobody reads any more what it makes. Linux only; elsewhere it works to its end.
+
+    parent : its number, as this process was told when it began: the kernel tells nobody of a parent
+        that was gone before it was asked, and by then this process has another
+    """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+        if not works(parent):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def end_with_raylet() -> None:
+    """Let this Ray worker end with its Ray: busy, it would not see for long that this is gone."""
+    end_with(int(os.environ["RAY_RAYLET_PID"]))
+
+
+def works(pid: int) -> bool:
+    """Whether a process of this number is there and has not ended."""
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def end_those_with(variable: str, value: str) -> None:
+    """Kill every process of this machine whose environment had this when it began; return when
+    they are gone."""
+    killed = []
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error):  # gone by now, or another user's
+            if process.environ().get(variable) == value:
+                process.kill()
+                killed.append(process.pid)
+    last = time.monotonic() + KILLED_SECONDS
+    while any(map(works, killed)) and time.monotonic() < last:
+        time.sleep(0.01)

@@ -1,6 +1,5 @@
 """The folder of a local Ray, by the number of its driver: what a killed one leaves can be found."""
 
-import contextlib
 import os
 import re
 import shutil
@@ -10,6 +9,7 @@ from pathlib import Path
 import psutil
 
 from tactile_core.errors import TactileError
+from tactile_core.processes import end_those_with
 
 VARIABLE = "TACTILE_RAY_FOLDER"  # tells which Ray a process belongs to
 NAME = re.compile(r"ray-(\d+)")
@@ -42,11 +42,16 @@ def remove_dead_rays() -> int:
         driver = NAME.fullmatch(folder.name)
         if driver and not psutil.pid_exists(int(driver[1])) and os.access(folder, os.W_OK):
             dead.append(folder)
-    if dead:
-        for process in psutil.process_iter():
-            with contextlib.suppress(psutil.Error):  # gone by now, or another user's
-                if process.environ().get(VARIABLE) in map(str, dead):
-                    process.kill()
     for folder in dead:
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_ray(folder)
     return len(dead)
+
+
+def remove_ray(folder: Path) -> None:
+    """Remove the folder of a local Ray that has ended, with the processes that outlived it.
+
+    Ray ends its workers and what they started, but not what those started in turn; and a raylet
+    that takes longer than a second it kills, and its workers have to notice.
+    """
+    end_those_with(VARIABLE, str(folder))
+    shutil.rmtree(folder, ignore_errors=True)

@@ -131,12 +131,12 @@ def taken_over(part: Any, shared: tuple[Any, ...]) -> tuple[str, Any]:
     import ray
 
     from tactile_core.nodes import refuse_others, versions
-    from tactile_core.processes import end_with_parent
+    from tactile_core.processes import end_with_raylet
 
     make, expected, given, words = shared
     address = ray.util.get_node_ip_address()
     refuse_others(address, versions(), expected)
-    end_with_parent()  # busy, it would not see for long that its Ray is gone
+    end_with_raylet()
     os.environ.pop("RAY_ADDRESS", None)  # what it calls is not spread again
     node = f"{address} ({ray.get_runtime_context().get_node_id()[:8]})"
     return node, make(part, *given, progress=words.put)

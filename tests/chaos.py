@@ -12,6 +12,7 @@ os.environ["TACTILE_PROFILE"] = "smoke"
 import argparse
 import json
 import random
+import shlex
 import subprocess
 import tempfile
 import time
@@ -28,6 +29,7 @@ from tactile_core.files import PART
 from tests.assets.running import ALL, Platform, begin, run_for
 
 KILLS_A_HOME = 4
+SECONDS_TO_END = 20  # one that was killed lets go of its memory first, on a busy machine slowly
 
 
 class Kill(NamedTuple):
@@ -75,7 +77,10 @@ def data_versions(home: Path, assets: Sequence[str]) -> dict[str, str]:
 def left_behind(home: Path) -> list[str]:
     """What should not be there once a run is over: processes, half-written files, steps, locks,
     and runs that seem to be under way."""
-    found = [f"process {process.pid}" for process in psutil.process_iter() if works(process, home)]
+    last = time.monotonic() + SECONDS_TO_END
+    while (working := working_for(home)) and time.monotonic() < last:
+        time.sleep(0.1)
+    found = [said_of(process) for process in working]
     found += [str(file) for file in home.rglob(".*.part") if PART.fullmatch(file.name)]
     found += [str(place) for place in (home / "artifacts" / "steps").glob("*")]
     found += [str(lock) for lock in home.rglob(LOCK) if lock.read_text()]
@@ -86,11 +91,22 @@ def left_behind(home: Path) -> list[str]:
     return found
 
 
+def working_for(home: Path) -> list[psutil.Process]:
+    return [process for process in psutil.process_iter() if works(process, home)]
+
+
 def works(process: psutil.Process, home: Path) -> bool:
     try:
         return process.environ().get("TACTILE_HOME") == str(home)
     except psutil.Error:  # gone by now, or another user's
         return False
+
+
+def said_of(process: psutil.Process) -> str:
+    try:
+        return f"process {process.pid}, {process.status()}: {shlex.join(process.cmdline())}"
+    except psutil.Error:
+        return f"process {process.pid}, gone since"
 
 
 def main() -> None:

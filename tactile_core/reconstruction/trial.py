@@ -12,7 +12,7 @@ from upath import UPath
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.keys import work_key
-from tactile_core.processes import end_with_parent
+from tactile_core.processes import end_with_raylet
 from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets
 from tactile_core.reconstruction.epoch import PARTS, begin_training, train_epoch
 from tactile_core.reconstruction.training import evaluate
@@ -35,7 +35,7 @@ def run_trial(
     The same checkpoint stays in `work` under a key of all that the trial depends on: epochs
     that an earlier, killed search finished are reported without being trained again.
     """
-    end_with_parent()  # busy, it would not see for long that its Ray is gone
+    end_with_raylet()
     # Ray hands out whole processors; more threads than those only get in each other's way.
     share = tune.get_context().get_trial_resources().required_resources
     torch.set_num_threads(max(1, min(torch.get_num_threads(), int(share["CPU"]))))

@@ -169,3 +169,26 @@ def test_a_killed_driver_leaves_no_folder_and_no_process(tmp_path):
     assert not folder.exists()
     psutil.wait_procs([psutil.Process(worker)] if psutil.pid_exists(worker) else [], timeout=60)
     assert not psutil.pid_exists(worker)
+
+
+# Ray ends its workers and their children, but not the children's own.
+LEAVES = """
+import psutil, ray, subprocess, sys
+from pathlib import Path
+from tactile_core.cluster import running_ray
+from tactile_core.processes import works
+begin = ["bash", "-c", "setsid sleep 600 > /dev/null & echo $!"]
+with running_ray(1, Path(sys.argv[1])):
+    said = ray.get(ray.remote(lambda: subprocess.check_output(begin, text=True))._remote())
+    print(works(int(said)))
+print(works(int(said)))
+"""
+
+
+def test_nothing_that_runs_for_a_local_ray_outlives_it(tmp_path):
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+    command = [sys.executable, "-c", LEAVES, str(tmp_path / "token")]
+    done = subprocess.run(
+        command, env=plain, capture_output=True, text=True, timeout=200, check=False
+    )
+    assert done.stdout == "True\nFalse\n", done.stderr

@@ -6,6 +6,7 @@ not depend on it.
 """
 
 import multiprocessing
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -25,7 +26,7 @@ from tactile_core.dataset.sources.parsing import load_mesh
 from tactile_core.errors import DamagedError, OutOfReachError, TactileError
 from tactile_core.keys import work_key
 from tactile_core.machine import processors
-from tactile_core.processes import end_with_parent
+from tactile_core.processes import end_with
 from tactile_core.progress import counted
 from tactile_core.settings import MaskSettings
 from tactile_core.spread import Needs, in_order, on_cluster, spread
@@ -220,7 +221,7 @@ def _in_processes(
         batch = jobs[start : start + per_pool]
         tasks = [batch[i : i + MESHES_PER_TASK] for i in range(0, len(batch), MESHES_PER_TASK)]
         with ProcessPoolExecutor(
-            min(workers, len(tasks)), mp_context=spawn, initializer=end_with_parent
+            min(workers, len(tasks)), spawn, initializer=end_with, initargs=(os.getpid(),)
         ) as pool:
             done = [pool.submit(_render_all, t, root, resolution, platform) for t in tasks]
             try:
