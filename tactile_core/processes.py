@@ -45,11 +45,10 @@ class Worker(NamedTuple):
         if self.host != socket.gethostname():
             return False
         try:
-            process = psutil.Process(self.pid)
-            other = abs(process.create_time() - self.started) > CLOCK_STEP
-            return other or process.status() == psutil.STATUS_ZOMBIE
+            other = abs(psutil.Process(self.pid).create_time() - self.started) > CLOCK_STEP
         except psutil.NoSuchProcess:
             return True
+        return other or not works(self.pid)
 
 
 def end_with(parent: int) -> None:
@@ -78,15 +77,22 @@ def works(pid: int) -> bool:
         return False
 
 
-def end_those_with(variable: str, value: str) -> None:
-    """Kill every process of this machine whose environment had this when it began; return when
-    they are gone."""
-    killed = []
+def those_with(variable: str, value: str) -> list[psutil.Process]:
+    """The processes of this machine and user whose environment had this when they began."""
+    found = []
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error):  # gone by now, or another user's
             if process.environ().get(variable) == value:
-                process.kill()
-                killed.append(process.pid)
+                found.append(process)
+    return found
+
+
+def end_those_with(variable: str, value: str) -> None:
+    """Kill `those_with` this, and return when they are gone."""
+    killed = those_with(variable, value)
+    for process in killed:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            process.kill()
     last = time.monotonic() + KILLED_SECONDS
-    while any(map(works, killed)) and time.monotonic() < last:
+    while any(works(process.pid) for process in killed) and time.monotonic() < last:
         time.sleep(0.01)

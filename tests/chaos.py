@@ -26,6 +26,7 @@ import psutil
 from tactile_assets.runs import UNFINISHED
 from tactile_core.claims import LOCK
 from tactile_core.files import PART
+from tactile_core.processes import those_with
 from tests.assets.running import ALL, Platform, begin, run_for
 
 KILLS_A_HOME = 4
@@ -78,9 +79,9 @@ def left_behind(home: Path) -> list[str]:
     """What should not be there once a run is over: processes, half-written files, steps, locks,
     and runs that seem to be under way."""
     last = time.monotonic() + SECONDS_TO_END
-    while (working := working_for(home)) and time.monotonic() < last:
+    while (left := those_with("TACTILE_HOME", str(home))) and time.monotonic() < last:
         time.sleep(0.1)
-    found = [said_of(process) for process in working]
+    found = [said_of(process) for process in left]
     found += [str(file) for file in home.rglob(".*.part") if PART.fullmatch(file.name)]
     found += [str(place) for place in (home / "artifacts" / "steps").glob("*")]
     found += [str(lock) for lock in home.rglob(LOCK) if lock.read_text()]
@@ -91,18 +92,8 @@ def left_behind(home: Path) -> list[str]:
     return found
 
 
-def working_for(home: Path) -> list[psutil.Process]:
-    return [process for process in psutil.process_iter() if works(process, home)]
-
-
-def works(process: psutil.Process, home: Path) -> bool:
-    try:
-        return process.environ().get("TACTILE_HOME") == str(home)
-    except psutil.Error:  # gone by now, or another user's
-        return False
-
-
 def said_of(process: psutil.Process) -> str:
+    """Its number, its state and its command."""
     try:
         return f"process {process.pid}, {process.status()}: {shlex.join(process.cmdline())}"
     except psutil.Error:

@@ -40,12 +40,24 @@ def address(ray_token):
             yield ray.get_runtime_context().gcs_address
 
 
+def plain() -> dict[str, str]:
+    """The variables of a process that knows of no Ray."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+
+
+def running(script: str, argument: str) -> subprocess.CompletedProcess:
+    """A script that another process has run."""
+    return subprocess.run(
+        [sys.executable, "-c", script, argument],
+        env=plain(), capture_output=True, text=True, timeout=200, check=False,
+    )  # fmt: skip
+
+
 def joining(address: str, home, **variables: str) -> subprocess.Popen:
     """Another process that tries to have code run there."""
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
     return subprocess.Popen(
         [sys.executable, "-c", JOIN, address],
-        env={**plain, "HOME": str(home), **variables},
+        env={**plain(), "HOME": str(home), **variables},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -80,11 +92,7 @@ def test_who_has_the_token_can(address, ray_token, tmp_path):
 
 
 def test_one_process_may_use_the_rays_of_two_homes(tmp_path):
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
-    command = [sys.executable, "-c", TWO_HOMES, str(tmp_path)]
-    done = subprocess.run(
-        command, env=plain, capture_output=True, text=True, timeout=200, check=False
-    )
+    done = running(TWO_HOMES, str(tmp_path))
     assert done.stdout == "1\n2\n", done.stderr
 
 
@@ -156,10 +164,9 @@ with running_ray(1, Path(sys.argv[1])):
 
 
 def test_a_killed_driver_leaves_no_folder_and_no_process(tmp_path):
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
     with subprocess.Popen(
         [sys.executable, "-c", WORKS, str(tmp_path / "token")],
-        env=plain, stdout=subprocess.PIPE, text=True,
+        env=plain(), stdout=subprocess.PIPE, text=True,
     ) as driver:  # fmt: skip
         worker = int(driver.stdout.readline())
         folder = short_folder() / f"ray-{driver.pid}"
@@ -173,7 +180,7 @@ def test_a_killed_driver_leaves_no_folder_and_no_process(tmp_path):
 
 # Ray ends its workers and their children, but not the children's own.
 LEAVES = """
-import psutil, ray, subprocess, sys
+import ray, subprocess, sys
 from pathlib import Path
 from tactile_core.cluster import running_ray
 from tactile_core.processes import works
@@ -186,9 +193,5 @@ print(works(int(said)))
 
 
 def test_nothing_that_runs_for_a_local_ray_outlives_it(tmp_path):
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
-    command = [sys.executable, "-c", LEAVES, str(tmp_path / "token")]
-    done = subprocess.run(
-        command, env=plain, capture_output=True, text=True, timeout=200, check=False
-    )
+    done = running(LEAVES, str(tmp_path / "token"))
     assert done.stdout == "True\nFalse\n", done.stderr
