@@ -1,6 +1,5 @@
 """Ray asks strangers for a token, and a cluster that is not there is told in a sentence."""
 
-import os
 import socket
 import stat
 import subprocess
@@ -15,6 +14,7 @@ from tactile_core import cluster
 from tactile_core.cluster import check_answers, ready_token, running_ray
 from tactile_core.errors import TactileError
 from tactile_core.ray_folders import remove_dead_rays, short_folder
+from tests.ray_nodes import without_ray
 
 JOIN = """
 import ray, sys
@@ -40,16 +40,11 @@ def address(ray_token):
             yield ray.get_runtime_context().gcs_address
 
 
-def plain() -> dict[str, str]:
-    """The variables of a process that knows of no Ray."""
-    return {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
-
-
 def running(script: str, argument: str) -> subprocess.CompletedProcess:
     """A script that another process has run."""
     return subprocess.run(
         [sys.executable, "-c", script, argument],
-        env=plain(), capture_output=True, text=True, timeout=200, check=False,
+        env=without_ray(), capture_output=True, text=True, timeout=200, check=False,
     )  # fmt: skip
 
 
@@ -57,7 +52,7 @@ def joining(address: str, home, **variables: str) -> subprocess.Popen:
     """Another process that tries to have code run there."""
     return subprocess.Popen(
         [sys.executable, "-c", JOIN, address],
-        env={**plain(), "HOME": str(home), **variables},
+        env={**without_ray(), "HOME": str(home), **variables},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -166,7 +161,7 @@ with running_ray(1, Path(sys.argv[1])):
 def test_a_killed_driver_leaves_no_folder_and_no_process(tmp_path):
     with subprocess.Popen(
         [sys.executable, "-c", WORKS, str(tmp_path / "token")],
-        env=plain(), stdout=subprocess.PIPE, text=True,
+        env=without_ray(), stdout=subprocess.PIPE, text=True,
     ) as driver:  # fmt: skip
         worker = int(driver.stdout.readline())
         folder = short_folder() / f"ray-{driver.pid}"
