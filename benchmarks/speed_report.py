@@ -1,6 +1,6 @@
 """How long PPO takes in the profile `report`: `python -m benchmarks.speed_report 64 256`.
 
-On one thread, as each training has it, with an untrained U-Net of the laptop's size. For each
+On one thread and with freed memory kept, as each training has it, and with an untrained U-Net of the laptop's size. For each
 resolution: an update for one minibatch, a ray, and the hours that a stage takes of both.
 """
 
@@ -12,6 +12,7 @@ import pandas as pd
 from benchmarks.machine import processor
 from benchmarks.speed_environment import batched_env
 from tactile_core.exploration.learning.ppo import new_model
+from tactile_core.freed_memory import keep_freed_memory
 from tactile_core.profiles import PROFILES
 from tactile_core.threads import one_thread
 
@@ -22,6 +23,7 @@ ROLLOUT = REPORT.environments * REPORT.rays_per_rollout
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("resolutions", type=int, nargs="+")
+    keep_freed_memory()
     with one_thread():
         rows = [measured(resolution) for resolution in parser.parse_args().resolutions]
     print(processor())

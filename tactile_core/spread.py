@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from tactile_core.errors import TactileError
+from tactile_core.freed_memory import keep_freed_memory
 from tactile_core.progress import SECONDS_BETWEEN_WORDS
 
 Made = TypeVar("Made")
@@ -52,11 +53,13 @@ def handed_over(
     **named: Any,
 ) -> Made:
     """What `make(*given, progress=progress, **named)` returns: called here or, where there is a
-    cluster, as one task there, whose words reach `progress`, too."""
+    cluster, as one task there, whose words reach `progress`, too.
+
+    The process that does it keeps the memory that it frees, see `freed_memory`."""
+    part = (make, given, named)
     if not on_cluster():
-        return make(*given, progress=progress, **named)
-    parts = [(make, given, named)]
-    [(_, made)] = spread(called, parts, needs=needs, progress=progress, name=make.__name__)
+        return called(part, progress)
+    [(_, made)] = spread(called, [part], needs=needs, progress=progress, name=make.__name__)
     return made
 
 
@@ -64,6 +67,7 @@ def called(
     part: tuple[Callable[..., Made], tuple[Any, ...], dict[str, Any]], progress: Progress
 ) -> Made:
     make, given, named = part
+    keep_freed_memory()
     return make(*given, progress=progress, **named)
 
 
