@@ -1,7 +1,8 @@
 """How long PPO takes in the profile `report`: `python -m benchmarks.speed_report 64 256`.
 
-On one thread and with freed memory kept, as each training has it, and with an untrained U-Net of the laptop's size. For each
-resolution: an update for one minibatch, a ray, and the hours that a stage takes of both.
+On one thread and with freed memory kept, as each training has it, and with an untrained U-Net of
+the laptop's size. For each resolution: an update for one minibatch, a ray, and the hours that a
+stage takes of both.
 """
 
 import argparse
