@@ -111,7 +111,9 @@ def overfit_jaccard(train: Shapes, *, shapes: int = 6, epochs: int = 200, seed: 
     """
     chosen = np.random.default_rng(seed).choice(len(train), min(shapes, len(train)), replace=False)
     few = train.select(chosen)
-    training = begin_training(depth=3, channels=8, learning_rate=5e-3, seed=seed)
+    # As deep as its lowest level sees as much of a shape as at 64×64 with three.
+    depth = 3 + max(0, round(np.log2(train.resolution / 64)))
+    training = begin_training(depth, channels=8, learning_rate=5e-3, seed=seed)
     draw = felt_outlines(few, OVERFIT_TOUCHES, OVERFIT_TOUCHES)
     for _ in range(epochs):
         train_epoch(training, few, len(few), draw)

@@ -1,9 +1,12 @@
 """How well the U-Net reconstructs (report, Table II)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from tactile_core.dataset.outlines import outline
 from tactile_core.dataset.packed import pack_masks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.dataset.touches import rasterise_touches
@@ -125,3 +128,10 @@ def test_the_mean_shape_is_thresholded_where_it_fits_best():
 
 def test_the_unet_learns_a_handful_of_shapes_by_heart(small_shapes):
     assert overfit_jaccard(small_shapes["train"], shapes=4, epochs=100) > 85
+
+
+def test_it_learns_them_at_four_times_the_resolution_as_well(small_shapes):
+    few = small_shapes["train"].select(np.arange(4))
+    masks = few.masks.repeat(4, axis=1).repeat(4, axis=2)
+    larger = replace(few, packed=pack_masks(masks), outlines=[outline(mask) for mask in masks])
+    assert overfit_jaccard(larger, shapes=4, epochs=100) > 85
