@@ -37,8 +37,8 @@ def pages_cleared(call: str) -> int:
 
 @pytest.mark.skipif(not GLIBC, reason="other allocators are not asked")
 def test_work_that_is_handed_over_finds_the_pages_of_its_last_tensor_for_the_next():
-    assert pages_cleared(HANDED_OVER) < PAGES
-    assert pages_cleared(HERE) > 2 * PAGES
+    # Not a number of pages: where the system has huge ones there are few in either case.
+    assert 4 * pages_cleared(HANDED_OVER) < pages_cleared(HERE)
 
 
 def test_where_there_is_no_glibc_nothing_is_asked_of_it(monkeypatch):
