@@ -111,12 +111,19 @@ def overfit_jaccard(train: Shapes, *, shapes: int = 6, epochs: int = 200, seed: 
     """
     chosen = np.random.default_rng(seed).choice(len(train), min(shapes, len(train)), replace=False)
     few = train.select(chosen)
-    # As deep as its lowest level sees as much of a shape as at 64×64 with three.
-    depth = 3 + max(0, round(np.log2(train.resolution / 64)))
-    training = begin_training(depth, channels=8, learning_rate=5e-3, seed=seed)
+    training = begin_training(
+        depth_for(train.resolution), channels=8, learning_rate=5e-3, seed=seed
+    )
     draw = felt_outlines(few, OVERFIT_TOUCHES, OVERFIT_TOUCHES)
     for _ in range(epochs):
         train_epoch(training, few, len(few), draw)
     sets = draw_touch_sets(few, np.random.default_rng(seed), OVERFIT_TOUCHES, OVERFIT_TOUCHES)
     _, scores = evaluate(training.net, sets, few.packed, training.device)
     return float(scores.mean())
+
+
+def depth_for(resolution: int) -> int:
+    """The depth at which a U-Net's lowest level sees as much of a shape as at 64×64 with three, or
+    the next smaller one by which its window, the middle half, can be halved."""
+    wanted = 3 + max(0, round(np.log2(resolution / 64)))
+    return max((d for d in range(3, wanted + 1) if resolution // 2 % 2 ** (d - 1) == 0), default=3)

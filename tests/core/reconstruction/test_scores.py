@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from tactile_core.dataset.outlines import outline
 from tactile_core.dataset.packed import pack_masks
@@ -13,11 +14,13 @@ from tactile_core.dataset.touches import rasterise_touches
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import models_of
 from tactile_core.reconstruction.scores import (
+    depth_for,
     evaluate_reconstruction,
     mean_shape_jaccard,
     overfit_jaccard,
 )
 from tactile_core.reconstruction.stored_touches import touch_sets_of
+from tactile_core.reconstruction.unet import UNet
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +138,18 @@ def test_it_learns_them_at_six_times_the_resolution_as_well(small_shapes):
     masks = few.masks.repeat(6, axis=1).repeat(6, axis=2)
     larger = replace(few, packed=pack_masks(masks), outlines=[outline(mask) for mask in masks])
     assert overfit_jaccard(larger, shapes=4, epochs=200) > 90
+
+
+def test_that_net_has_a_depth_at_every_resolution_that_masks_can_have():
+    for resolution in range(48, 513, 16):
+        depth = depth_for(resolution)
+        window = torch.zeros(1, 1, resolution, resolution)
+        assert UNet(depth, 1).eval()(window).shape[-1] == resolution
+    assert [depth_for(resolution) for resolution in (48, 64, 128, 240, 256, 512)] == [
+        3,
+        3,
+        4,
+        4,
+        5,
+        6,
+    ]
