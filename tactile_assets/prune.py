@@ -5,7 +5,6 @@ is younger than some days. Downloads stay.
 """
 
 import contextlib
-import re
 import time
 from collections.abc import Callable, Iterator, Set
 from pathlib import Path
@@ -25,7 +24,6 @@ from tactile_core.processes import Worker
 from tactile_core.settings import PruneSettings
 
 DAY = 24 * 3600
-DOWNLOADS = re.compile("[0-9a-f]{16}")  # folders of the cache, as `cache.cache_path` names them
 
 
 class Old(NamedTuple):
@@ -119,8 +117,10 @@ def old_policies(store: Store, before: float) -> Iterator[Old]:
 
 def old_work(store: Store, before: float) -> Iterator[Old]:
     """Checkpoints, trials and curves for TensorBoard that nothing was added to since `before`."""
+    from tactile_core.dataset.meshes import DOWNLOADS
+
     for work in [*children(UPath(store.work())), *children(store.path("cache"))]:
-        if work.is_dir() and not DOWNLOADS.fullmatch(work.name):
+        if work.is_dir() and work.name != DOWNLOADS:
             places = children(work) if work.name == "policies" else [work]
             yield from (left("work", place) for place in places if newest(place) < before)
 

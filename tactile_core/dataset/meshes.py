@@ -32,6 +32,7 @@ from tactile_core.settings import MeshSettings
 
 logger = logging.getLogger(__name__)
 
+DOWNLOADS = "archives"  # the folder of a cache that holds them
 COLUMNS = {
     "model_id": str,
     "category": str,
@@ -73,7 +74,7 @@ def collect_meshes(
     settings = with_classes(settings)
     _check_apart(settings, root)
     with contextlib.ExitStack() as stack:
-        found, sources = find_meshes(settings, cache / "archives", stack, progress)
+        found, sources = find_meshes(settings, cache / DOWNLOADS, stack, progress)
         present = _present(root)
         rows = [
             _collect(mesh, root, present)

@@ -12,6 +12,8 @@ from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
 from tactile_assets.io_managers import PolicyIndex
 from tactile_assets.prune import find_old, prune
+from tactile_core.dataset.meshes import DOWNLOADS
+from tactile_core.dataset.sources.cache import cache_path
 from tactile_core.errors import TactileError
 from tactile_core.parquet import read_table
 from tactile_core.reconstruction.trained import load_unet
@@ -35,8 +37,9 @@ def aged(chain, tmp_path) -> Platform:
             (platform.store.path("steps", run.run_id) / "plan.json").write_text("{}")
         shutil.copytree(home / "artifacts/policies/total-0", home / "artifacts/policies/total-9")
         (home / "artifacts/figures/of_an_asset_that_was.png").write_bytes(b"")
-        (home / "cache/0123456789abcdef").mkdir(parents=True)
-        (home / "cache/0123456789abcdef/model.zip").write_bytes(b"a download")
+        download = cache_path("https://example.org/model.zip", home / "cache" / DOWNLOADS)
+        download.parent.mkdir(parents=True)
+        download.write_bytes(b"a download")
         (home / "cache/unet/tensorboard").mkdir(parents=True, exist_ok=True)
         (home / "cache/unet/checkpoint.pt").write_bytes(b"")
         yield platform
@@ -65,7 +68,8 @@ def test_after_everything_old_is_gone_every_asset_loads_and_none_is_stale(aged):
     assert aged.store.stored_steps() == {under_way}
     for gone in ("policies/total-9", "figures/of_an_asset_that_was.png", "../cache/unet"):
         assert not (aged.home / "artifacts" / gone).exists()
-    assert (aged.home / "cache/0123456789abcdef/model.zip").exists()
+    kept = cache_path("https://example.org/model.zip", aged.home / "cache" / DOWNLOADS)
+    assert kept.read_bytes() == b"a download"
     assert (aged.home / "artifacts/figures/figure_4.png").exists()
     assert find_old(aged.instance, aged.store, EVERYTHING) == []
 
