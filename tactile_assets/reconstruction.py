@@ -23,8 +23,6 @@ from tactile_assets.metadata import (
     wing,
 )
 from tactile_assets.resources import Store
-from tactile_core.errors import OutOfReachError, TactileError
-from tactile_core.files import remove_folder
 from tactile_core.parquet import read_table
 from tactile_core.settings import PracticeSettings, SearchSettings, UNetSettings
 
@@ -191,7 +189,7 @@ def unet(
     from tactile_core.figures.curves import learning_curve
     from tactile_core.figures.style import png
     from tactile_core.reconstruction.hyperparameters import with_best_trial
-    from tactile_core.reconstruction.trained import save_unet
+    from tactile_core.reconstruction.trained import unet_at
     from tactile_core.reconstruction.training import train_unet
     from tactile_core.reconstruction.unets import first_of, places_of, settings_of_each, version_of
     from tactile_core.spread import LARGE_TRAINING, handed_over
@@ -206,7 +204,6 @@ def unet(
     each = {settings.seed: settings for settings in settings_of_each(chosen)}
     places = places_of(each, store.path("unet"))
     work = places_of(each, UPath(store.far_work("unet")))
-    trained_by_now = {seed: folder / "trained" for seed, folder in work.items()}
     unets: UNetsBySeed = {}
     for seed, settings in each.items():
         if len(each) > 1:
@@ -222,12 +219,9 @@ def unet(
                 settings.touches, train, tactile_samples,
                 seed=seed, free_space=settings.free_space, practice=practice,
             ),
-            previous=previous_unet(trained_by_now[seed]) or previous_unet(places[seed]),
+            previous=unet_at(places[seed]),
             progress=context.log.info,
         )  # fmt: skip
-        save_unet(unets[seed], trained_by_now[seed])  # lest a run that is killed later begins anew
-    for folder in trained_by_now.values():
-        remove_folder(folder)
     scores = pd.DataFrame({seed: unet.scores for seed, unet in unets.items()}).T
     one = first_of(unets)
     return dg.MaterializeResult(
@@ -312,18 +306,6 @@ def reconstruction_evaluation(
         **rate,
         seconds=number(seconds),
     )
-
-
-def previous_unet(place: UPath) -> TrainedUNet | None:
-    """The U-Net of an earlier run, if there is one and it is whole."""
-    from tactile_core.reconstruction.trained import load_unet
-
-    try:
-        return load_unet(place)
-    except OutOfReachError:  # it may be there: mend the store before anything is trained anew
-        raise
-    except TactileError:
-        return None
 
 
 def seen_by(unets: UNetsBySeed) -> dict[str, pd.DataFrame]:

@@ -14,7 +14,7 @@ from tactile_core.exploration.policies.observer import IdealObserver
 from tactile_core.exploration.policies.references import REFERENCES
 from tactile_core.exploration.policies.scorer import RayScorer
 from tactile_core.exploration.world.rays import RAYS
-from tactile_core.files import remove_folder
+from tactile_core.finished import forget_stored
 from tactile_core.reconstruction.known_shapes import KnownShapes
 from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.settings import EvaluationSettings, ObserverSettings, RolloutSettings
@@ -38,7 +38,7 @@ def cast_observers(
     seed, unet : the U-Net and its seed, which the column seed names
     belief : (n, R, R) bool, shapes of the distribution that the test shapes are of
     scorer : proposes rays to the observer that looks ahead, which is left out without it
-    work : keeps what is cast until all is, so that a run that was killed goes on there
+    work : keeps what is cast until it is among `previous`, as in `cast_with_each`
     previous, and the columns of what is returned : as in `cast_rollouts`
     """
     known = KnownShapes(belief)
@@ -53,9 +53,9 @@ def cast_observers(
             progress(f"{before} of {len(some)} samples are done; {message}")
 
         tables.append(cast_rollouts(observers, portion, unet, rays, previous, tell, work=work))
-    if work is not None:
-        remove_folder(work)
-    return pd.concat(tables, ignore_index=True).assign(seed=seed)
+    table = pd.concat(tables, ignore_index=True).assign(seed=seed)
+    forget_stored(table, previous, work)
+    return table
 
 
 def one_of_each(test: Shapes, count: int) -> Shapes:

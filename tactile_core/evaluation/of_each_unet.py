@@ -10,7 +10,7 @@ from tactile_core.dataset.shapes import Shapes
 from tactile_core.evaluation.rollouts import cast_rollouts
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.store import describe, load_policies
-from tactile_core.files import remove_folder
+from tactile_core.finished import forget_stored
 from tactile_core.reconstruction.unets import UNets, seed_of
 from tactile_core.settings import RolloutSettings
 
@@ -41,7 +41,8 @@ def cast_with_each(
     """The rollouts with each U-Net in one table: of the policies that go with it, as
     `policies_of_each` has them, and of the rules, whose seed is that of the U-Net.
 
-    work : keeps what is cast until all is, so that a run that was killed goes on there
+    work : keeps what is cast until it is among `previous`, so that a run that was killed, or that
+        could not store what it had cast, goes on there
     previous, and the columns of what is returned : as in `cast_rollouts`
     """
     tables: list[pd.DataFrame] = []
@@ -54,6 +55,6 @@ def cast_with_each(
                 work=work, seed_of_references=seed,
             )
         )  # fmt: skip
-    if work is not None:
-        remove_folder(work)
-    return pd.concat(tables, ignore_index=True)
+    table = pd.concat(tables, ignore_index=True)
+    forget_stored(table, previous, work)
+    return table

@@ -46,7 +46,7 @@ def cast_rollouts(
     previous : the rollouts of an earlier run; those whose key is the same are kept
     workers : policies at a time; None: as many as there are CPUs, and one on a GPU; on a Ray
         cluster as many as fit there
-    work : keeps what is cast, so that a run that was killed goes on there; the caller removes it
+    work : keeps what is cast, so that a run that was killed goes on there
     seed_of_references : what stands in the column seed for rules, and what they draw from
 
     Rows: policy, seed, choice ("likeliest", "drawn", or "rule" where there is no distribution to

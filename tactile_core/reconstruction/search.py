@@ -19,7 +19,7 @@ from upath import UPath
 from tactile_core.cluster import running_ray
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import TactileError
-from tactile_core.files import remove_folder
+from tactile_core.finished import finished_table, keep_finished
 from tactile_core.keys import work_key
 from tactile_core.progress import SECONDS_BETWEEN_WORDS, to_go
 from tactile_core.reconstruction.batches import TouchSource, outline_source
@@ -63,9 +63,9 @@ def search_unet(
         eval=eval_shapes.version,
         touches=touches.key,
     )
-    if previous is not None and "key" in previous and (previous["key"] == key).all():
+    if (made := finished_table(key, previous, work)) is not None:
         progress("U-Net search: kept, as nothing that it depends on has changed")
-        return previous
+        return made
     progress("U-Net search: Ray starts, or answers")
     with running_ray(settings.concurrent, token), seeded(settings.seed):
         results = run_trials(train, eval_shapes, settings, touches, work.absolute(), progress)
@@ -76,11 +76,12 @@ def search_unet(
     if not rows:
         reason = str(results.errors[0]).strip().splitlines()[-1] if results.errors else "no trial"
         raise TactileError(f"every trial of the U-Net search failed; the first says: {reason}")
-    remove_folder(work)
     table = pd.DataFrame(rows).sort_values(["loss", "learning_rate"], ignore_index=True)
     table.insert(0, "trial", table.index + 1)
     progress(f"U-Net search: best of {len(table)} trials has eval Jaccard {table.jaccard[0]:.1f}")
-    return table.assign(key=key)
+    table = table.assign(key=key)
+    keep_finished(table, work)
+    return table
 
 
 @contextmanager

@@ -169,3 +169,14 @@ def load_unet(directory: UPath) -> TrainedUNet:
     if table_hash(unet.trained_on) != description.trained_on:
         raise TactileError(f"{directory}: its files are of two trainings: materialise unet again")
     return unet
+
+
+def unet_at(directory: UPath) -> TrainedUNet | None:
+    """The U-Net that an earlier run left, if there is one and it is whole. Raises `OutOfReachError`
+    where that cannot be told: mend the store before anything is trained anew."""
+    try:
+        return load_unet(directory)
+    except OutOfReachError:
+        raise
+    except TactileError:
+        return None

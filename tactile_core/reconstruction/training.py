@@ -15,6 +15,7 @@ from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.dataset.touches import rasterise_touches
+from tactile_core.files import remove_folder
 from tactile_core.keys import work_key
 from tactile_core.progress import teller
 from tactile_core.reconstruction.batches import TouchSource, draw_touch_sets, outline_source
@@ -30,7 +31,7 @@ from tactile_core.reconstruction.epoch import (
 from tactile_core.reconstruction.hyperparameters import required
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack, picked, unpack
-from tactile_core.reconstruction.trained import TrainedUNet
+from tactile_core.reconstruction.trained import TrainedUNet, save_unet, unet_at
 from tactile_core.settings import UNetSettings
 from tactile_core.tensorboard import curves_folder
 
@@ -87,8 +88,9 @@ def train_unet(
     `hyperparameters.with_best_trial`). The rate warms up over the first epoch and then falls along
     a cosine. `work` receives TensorBoard curves and a checkpoint after each epoch: a
     training killed and started again with equal inputs goes on where it was, to the same
-    result. `touches` replaces the uniform draw of outline touches; it must draw free
-    space too where `settings.free_space` is set.
+    result. When it ends, `work` keeps the U-Net in the checkpoint's place until it comes back as
+    `previous`: whoever asked for it has stored it then. `touches` replaces the uniform draw of
+    outline touches; it must draw free space too where `settings.free_space` is set.
     """
     rate, batch_size, depth, channels = required(settings)
     touches = touches or outline_source(train)
@@ -100,6 +102,11 @@ def train_unet(
         eval=eval_shapes.version,
         touches=touches.key,
     )
+    finished = UPath(work) / "trained"
+    if previous is not None and previous.key == key:
+        remove_folder(finished)
+    else:
+        previous = unet_at(finished)
     if previous is not None and previous.key == key:
         progress("U-Net: kept, as nothing that it depends on has changed")
         return previous
@@ -163,9 +170,10 @@ def train_unet(
         ),
         key=key,
     )
-    finished = with_eight_bits(unet, train, touches.draw)
+    unet = with_eight_bits(unet, train, touches.draw)
+    save_unet(unet, finished)
     checkpoint.unlink(missing_ok=True)
-    return finished
+    return unet
 
 
 def set_rate(training: UNetTraining, rate: float, epochs_done: float, epochs: int) -> None:

@@ -88,15 +88,15 @@ def test_a_store_without_a_key_sets_no_mesh_aside_trains_nothing_anew_and_damage
 import dagster as dg
 from upath import UPath
 from tactile_assets.io_managers import Steps
-from tactile_assets.reconstruction import previous_unet
 from tactile_core.exploration.learning.train import finished
 from tactile_core.dataset.rendering.silhouettes import Job, render
 from tactile_core.errors import OutOfReachError
+from tactile_core.reconstruction.trained import unet_at
 root = UPath("{STORE}")
 with dg.build_input_context() as context:
     for read in (
         lambda: render(Job("a.obj", "0", ()), root, 64, None),
-        lambda: previous_unet(root / "unet"),
+        lambda: unet_at(root / "unet"),
         lambda: finished(root / "policies", "of some key"),
         lambda: Steps(base_path=root).load_from_path(context, root / "planned.json"),
     ):

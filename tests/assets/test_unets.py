@@ -2,9 +2,11 @@
 
 import pytest
 
+from tactile_assets.resources import Store
+from tactile_core.errors import TactileError
 from tactile_core.parquet import read_table
 from tactile_core.reconstruction.unets import load_unets, version_of
-from tests.assets.running import run_config
+from tests.assets.running import run_config, run_for
 
 ASSETS = (
     "unet", "reconstruction_evaluation", "policies", "rollouts", "per_step_evaluation",
@@ -59,7 +61,27 @@ def test_a_run_killed_in_the_second_training_keeps_the_first(copy_of_chain, monk
     assert copy_of_chain.materialise("unet", config=both).success
     assert capfd.readouterr().err.count("U-Net: kept, as nothing that it depends on") == 1
     assert list(load_unets(store.path("unet"))) == [0, 1]
-    assert not list(store.work("unet").rglob("trained"))
+
+
+def test_a_run_whose_store_was_full_after_the_training_does_not_train_again(
+    copy_of_chain, monkeypatch, capfd
+):
+    def full(*arguments):
+        raise TactileError("No space left on device")
+
+    store, other = copy_of_chain.store, run_for(("unet",), unet={"seed": 7})
+    before = version_of(load_unets(store.path("unet")))
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "picture", full)
+        with pytest.raises(TactileError, match="No space left"):
+            copy_of_chain.materialise("unet", config=other)
+    assert version_of(load_unets(store.path("unet"))) == before
+    for _ in range(2):
+        capfd.readouterr()
+        assert copy_of_chain.materialise("unet", config=other).success
+        assert "U-Net: kept, as nothing that it depends on" in capfd.readouterr().err
+    assert version_of(load_unets(store.path("unet"))) != before
+    assert not list(store.work("unet").rglob("trained"))  # as it is stored
 
 
 def test_a_seed_that_is_named_twice_is_refused_before_a_run(copy_of_chain):

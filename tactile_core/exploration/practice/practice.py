@@ -4,7 +4,6 @@ A U-Net meets the touches that policies make, and those are neither uniform nor 
 first U-Net is trained, then a ray scorer on it, and its rays on the train shapes are recorded.
 """
 
-import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +13,6 @@ import pandas as pd
 from upath import UPath
 
 from tactile_core.dataset.shapes import Shapes
-from tactile_core.errors import TactileError
 from tactile_core.exploration.learning.gain_learner import train_scorer
 from tactile_core.exploration.policies.base import Policy
 from tactile_core.exploration.policies.references import find_reference
@@ -22,11 +20,11 @@ from tactile_core.exploration.policies.scorer import ScorerPolicy
 from tactile_core.exploration.practice.ray_touches import rays_and_outlines
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
-from tactile_core.files import remove_folder
+from tactile_core.finished import finished_table, keep_finished
 from tactile_core.keys import work_key
 from tactile_core.progress import teller
 from tactile_core.reconstruction.inference import Reconstructor
-from tactile_core.reconstruction.trained import TrainedUNet, load_unet, save_unet
+from tactile_core.reconstruction.trained import TrainedUNet
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import NetSettings, PracticeSettings, UNetSettings
 
@@ -62,9 +60,9 @@ def practise(
         "exploration.practice.practice", settings=settings, seed=settings.seed,
         train=train.version, eval=eval_shapes.version,
     )  # fmt: skip
-    if previous is not None and "key" in previous and (previous["key"] == key).all():
+    if (made := finished_table(key, previous, work)) is not None:
         progress("practice: kept, as nothing that it depends on has changed")
-        return previous
+        return made
     unet = first_unet(train, eval_shapes, settings, work / "unet", progress)
     reconstructor = Reconstructor(unet)
     net, _ = train_scorer(
@@ -93,8 +91,9 @@ def practise(
                 touches=pd.Series(list(touches), dtype=object),
             )
         )
-    remove_folder(work)
-    return pd.concat(tables, ignore_index=True).assign(key=key)
+    table = pd.concat(tables, ignore_index=True).assign(key=key)
+    keep_finished(table, work)
+    return table
 
 
 def first_unet(
@@ -104,25 +103,16 @@ def first_unet(
     work: Path | UPath,
     progress: Callable[[str], None],
 ) -> TrainedUNet:
-    """The U-Net to practise on, kept in `work` until practice is over.
+    """The U-Net to practise on, which `work` keeps until practice is over.
 
     It knows no shapes: else what it is to practise on would be known to it.
     """
     net_settings = UNetSettings(**settings.model_dump(include=set(NetSettings.model_fields)))
     touches = rays_and_outlines(train, settings.seed, settings.free_space)
-    key = work_key(
-        "reconstruction.training", settings=net_settings, seed=settings.seed,
-        train=train.version, eval=eval_shapes.version, touches=touches.key,
-    )  # fmt: skip
-    kept = UPath(work / key)
-    with contextlib.suppress(TactileError):  # there is none yet, or it is damaged
-        return load_unet(kept)
-    unet = train_unet(
+    return train_unet(
         train, eval_shapes, net_settings, work=work, touches=touches,
         progress=lambda message: progress(f"practice: {message}"),
     )  # fmt: skip
-    save_unet(unet, kept)
-    return unet
 
 
 def record(

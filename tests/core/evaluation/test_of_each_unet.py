@@ -57,7 +57,7 @@ def test_all_policies_go_with_the_only_unet(unets, places, shapes):
 
 
 def test_a_run_killed_with_the_second_unet_keeps_what_was_cast_with_the_first(
-    unets, shapes, tmp_path, monkeypatch
+    unets, shapes, tmp_path
 ):
     none = {seed: [] for seed in unets}
     undisturbed = cast_with_each(none, shapes["test"], unets, SOME)
@@ -71,10 +71,8 @@ def test_a_run_killed_with_the_second_unet_keeps_what_was_cast_with_the_first(
         cast_with_each(none, shapes["test"], unets, SOME, None, killed, work)
     left = {file: file.stat().st_mtime_ns for file in work.iterdir()}
     assert len(left) == 2
-    monkeypatch.setattr("tactile_core.evaluation.of_each_unet.remove_folder", lambda folder: None)
     again = cast_with_each(none, shapes["test"], unets, SOME, None, said.append, work)
     pd.testing.assert_frame_equal(again, undisturbed)
     assert {file: file.stat().st_mtime_ns for file in left} == left
-    monkeypatch.undo()
-    cast_with_each(none, shapes["test"], unets, SOME, None, said.append, work)
-    assert not work.exists()
+    cast_with_each(none, shapes["test"], unets, SOME, again, said.append, work)
+    assert not work.exists()  # as all of it is stored by then

@@ -127,11 +127,17 @@ def test_a_search_that_was_killed_repeats_no_epoch_and_ends_the_same(search, tab
             written.setdefault(path.name, set()).add(path.stat().st_mtime_ns)
 
     assert search(work, progress=watch).equals(table)
-    assert not work.exists()
     assert set(written) == set(done)
     assert all(done[name] in times for name, times in written.items())
     untouched = [name for name, times in written.items() if times == {done[name]}]
     assert len(untouched) == 2  # the trials that end after one epoch
+
+    said = []  # it is kept until it has been stored
+    assert search(work, progress=said.append).equals(table)
+    assert said == ["U-Net search: kept, as nothing that it depends on has changed"]
+    assert [place.name for place in work.iterdir()] == ["finished.parquet"]
+    assert search(work, previous=table) is table
+    assert not work.exists()
 
 
 def test_trials_may_be_kept_in_an_object_store(search, table, monkeypatch):
@@ -146,7 +152,7 @@ def test_trials_may_be_kept_in_an_object_store(search, table, monkeypatch):
         work = UPath(f"s3://{BUCKET}/work", **access)
         assert search(work, progress=lambda message: seen.update(store.names())).equals(table)
         assert sum(name.startswith("work/epochs/") for name in seen) == SETTINGS.trials
-        assert store.names() == []
+        assert store.names() == ["work/finished.parquet"]
 
 
 def test_a_trial_that_fails_is_told_and_left_out(search, tmp_path):

@@ -140,7 +140,7 @@ def test_a_checkpoint_of_other_settings_or_shapes_is_not_taken_up(train, small_s
     "damage", [lambda b: b"", lambda b: b"nonsense", lambda b: b[:-100], lambda b: bytes(len(b))]
 )
 def test_a_damaged_checkpoint_makes_the_training_start_over(train, tmp_path, damage):
-    whole = train()
+    whole = train(work=tmp_path / "whole")
     with pytest.raises(PowerCutError):
         train(progress=cut_after("epoch 2/4"))
     checkpoint = tmp_path / "checkpoint.pt"
@@ -154,6 +154,16 @@ def test_a_finished_training_leaves_its_tensorboard_curves_and_no_checkpoint(tra
     events = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
     logged = [scalar.value for scalar in events.Scalars("eval_jaccard")]
     assert logged == pytest.approx(trained.curve["eval_jaccard"].tolist())
+
+
+def test_a_unet_that_could_not_be_stored_is_not_trained_again(train, tmp_path):
+    """The store was full, or the run killed, after the training and before its asset was stored."""
+    trained, said = train(), []
+    again = train(progress=said.append)
+    assert said == ["U-Net: kept, as nothing that it depends on has changed"]
+    assert again.version() == trained.version() and again.curve.equals(trained.curve)
+    assert train(previous=trained) is trained
+    assert [place.name for place in tmp_path.iterdir()] == ["tensorboard"]
 
 
 def test_the_seed_decides_the_weights(train, tmp_path):

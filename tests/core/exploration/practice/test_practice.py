@@ -8,11 +8,11 @@ import pytest
 from tactile_core.dataset.packed import pack_masks
 from tactile_core.errors import TactileError
 from tactile_core.exploration.policies.references import find_reference
-from tactile_core.exploration.practice import practice
 from tactile_core.exploration.practice.practice import Practice, practise, record
 from tactile_core.exploration.practice.ray_touches import practised, rays_and_outlines
 from tactile_core.exploration.world.rays import RAYS, cast_rays
 from tactile_core.parquet import read_table, table_hash, write_table
+from tactile_core.reconstruction import training
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.training import train_unet
 from tactile_core.settings import NetSettings, PracticeSettings, UNetSettings
@@ -79,9 +79,14 @@ def test_practice_killed_after_the_first_unet_trains_none_again(
     for name in ("cut", "changed"):
         with pytest.raises(KeyboardInterrupt):
             practise(*splits, QUICK, work=tmp_path / name, progress=cut)
-    monkeypatch.delattr(practice, "train_unet")
+    monkeypatch.delattr(training, "begin_training")
     resumed = practise(*splits, QUICK, work=tmp_path / "cut")
     assert table_hash(resumed) == table_hash(whole)
+    # What was practised is kept until it has been stored.
+    assert table_hash(practise(*splits, QUICK, work=tmp_path / "cut")) == table_hash(whole)
+    assert [place.name for place in (tmp_path / "cut").iterdir()] == ["finished.parquet"]
+    assert practise(*splits, QUICK, work=tmp_path / "cut", previous=whole) is whole
+    assert not (tmp_path / "cut").exists()
     with pytest.raises(NameError):
         practise(*splits, QUICK.model_copy(update={"seed": 1}), work=tmp_path / "changed")
     for weights in (tmp_path / "changed").rglob("model.safetensors"):
