@@ -5,10 +5,13 @@ compiled it, with all that it names or holds: functions, constants, classes, wha
 Comments and docstrings do not count.
 """
 
+import ast
 import dis
 import functools
+import importlib.util
 import pickle
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import (
     CodeType,
@@ -84,9 +87,12 @@ def described(value: Any, seen: set[int]) -> tuple:
 
 
 def code_described(value: Any, seen: set[int]) -> tuple:
-    """A function or class: by its name where it is a library's, else by what it does."""
+    """A function or class: by its name and release where it is a library's, else by what it
+    does."""
     name = f"{value.__module__}.{value.__qualname__}"
-    if id(value) in seen or is_library(value.__module__):
+    if is_library(value.__module__):
+        return name, keys.installed_version((value.__module__ or "builtins").partition(".")[0])
+    if id(value) in seen:
         return (name,)
     seen.add(id(value))
     if isinstance(value, type):
@@ -130,14 +136,66 @@ def names_of(code: CodeType) -> set[str]:
 
 
 def module_version(module: ModuleType) -> str:
-    """The version of a module that a function names: of one of the core with all it imports."""
+    """The version of a module that a function names: of the core's and one's own with all that they
+    import."""
     root, _, rest = module.__name__.partition(".")
     if root == keys.CORE:
         return keys.code_version(rest)
-    file = getattr(module, "__file__", None)
-    if is_library(module.__name__) or file is None:
+    if is_library(module.__name__) or getattr(module, "__file__", None) is None:
         return keys.installed_version(root)
-    return content_hash(Path(file).read_bytes())
+    files, core = code_behind(module.__name__)
+    behind = [(name, file.read_bytes()) for name, file in sorted(files.items())]
+    return content_hash(behind, keys.code_version(*sorted(core)) if core else "")
+
+
+def code_behind(module: str) -> tuple[dict[str, Path], set[str]]:
+    """The files of one's own that a module is made of, by name, and the modules of the core that
+    these import. They are its own file, those of the packages that it lies in, for a package all
+    below it, and those of what they import, in turn; libraries are left out."""
+    files: dict[str, Path] = {}
+    core: set[str] = set()
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        root, _, rest = name.partition(".")
+        if root == keys.CORE and rest and keys.source(name) is not None:
+            core.add(rest)
+        if name in files or root == keys.CORE or (file := own_file(name)) is None:
+            continue
+        files[name] = file
+        tree = ast.parse(file.read_bytes())
+        waiting += [name.rpartition(".")[0], *imports(tree, name, file)]
+        if name == module and file.name == "__init__.py":
+            parts = (part.relative_to(file.parent) for part in file.parent.rglob("*.py"))
+            waiting += [".".join([name, *part.with_suffix("").parts]) for part in parts]
+    return files, core
+
+
+def own_file(module: str) -> Path | None:
+    """The file of a module of one's own; None for a library's, and for what is no module."""
+    try:
+        found = importlib.util.find_spec(module) if module else None
+    except (ImportError, ValueError):  # a name out of a module
+        return None
+    origin = Path((found and found.origin) or "")
+    is_own = module.partition(".")[0] not in sys.stdlib_module_names and not is_installed(origin)
+    return origin if is_own and origin.suffix == ".py" else None
+
+
+def imports(tree: ast.Module, module: str, file: Path) -> Iterator[str]:
+    """Every module, and every name out of one, that the code of a module imports."""
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    for node in keys.statements(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = importlib.util.resolve_name("." * node.level, package) if node.level else ""
+            base = ".".join(filter(None, [above, node.module]))
+            yield from (base, *(f"{base}.{alias.name}" for alias in node.names))
+
+
+def is_installed(file: Path) -> bool:
+    return not INSTALLED.isdisjoint(file.parts)
 
 
 @functools.cache
@@ -145,5 +203,4 @@ def is_library(module: str | None) -> bool:
     """Whether a module is Python's own or lies where packages are installed; the core is none."""
     root = (module or "builtins").partition(".")[0]
     file = getattr(sys.modules.get(root), "__file__", None) or ""
-    installed = not INSTALLED.isdisjoint(Path(file).parts)
-    return root in sys.stdlib_module_names or (installed and root != keys.CORE)
+    return root in sys.stdlib_module_names or (is_installed(Path(file)) and root != keys.CORE)

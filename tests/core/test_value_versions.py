@@ -168,6 +168,52 @@ def test_a_module_that_is_named_counts_by_its_code_or_by_its_release(tmp_path, m
     assert versions[0] == versions[1] != versions[2] == versions[3]
 
 
+PACKAGE = "import package.part\ndef reward(x): return package.part.score(x)"
+MODULE = "import helpers\ndef reward(x): return helpers.score(x)"
+
+
+@pytest.mark.parametrize(
+    ("reward", "files", "changed"),
+    [
+        (MODULE, {"helpers": "from deeper import K\ndef score(x): return K"}, "deeper"),
+        (MODULE, {"helpers": "def score(x):\n  import deeper\n  return deeper.K"}, "deeper"),
+        (MODULE, {"helpers": "from package.part import K as score"}, "package/part"),
+        (MODULE, {"helpers": "from package.one import score"}, "package/__init__"),
+        (MODULE, {"helpers": "from package.one import score"}, "package/deeper"),
+        (PACKAGE, {"package/part": "def score(x): return 0"}, "package/part"),
+        (PACKAGE, {"package/part": "from .deeper import K as score"}, "package/deeper"),
+    ],
+)
+def test_a_module_of_one_s_own_counts_with_all_that_it_imports(tmp_path, reward, files, changed):
+    """In a process of its own each, as Python keeps what it has imported."""
+    code = f"""
+from tactile_core.value_versions import value_version
+exec({reward!r})
+print(value_version(reward))
+"""
+    some = {
+        "deeper": "K = 0", "helpers": "", "package/__init__": "", "package/part": "K = 0",
+        "package/deeper": "K = 0", "package/one": "from .deeper import K as score",
+        "by_the_way": "", **files,
+    }  # fmt: skip
+
+    def version_with(**others: str) -> str:
+        for name, text in (some | others).items():
+            file = tmp_path / f"{name}.py"
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text)
+        found = subprocess.run(
+            [sys.executable, "-B", "-c", code],
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        return found.stdout
+
+    before = version_with()
+    assert version_with(by_the_way="K = 1") == before
+    assert version_with(**{changed: f"{some[changed]}\nK = 1"}) != before
+
+
 def test_arrays_count_by_what_they_hold_not_by_where_it_lies():
     grid = np.arange(6).reshape(2, 3)
     assert value_version(grid.T) == value_version(grid.T.copy()) != value_version(grid)
