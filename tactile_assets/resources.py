@@ -11,7 +11,7 @@ import pandas as pd
 from pydantic import Field
 from upath import UPath
 
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.files import content_hash, is_local, stored_bytes, written_whole
 from tactile_core.home import check_one_home, find_artifacts, find_home
 from tactile_core.parquet import read_table
@@ -73,9 +73,12 @@ class Store(dg.ConfigurableResource):
         return {folder.name for folder in steps.iterdir()} if steps.exists() else set()
 
     def previous(self, asset: str) -> pd.DataFrame | None:
-        """The table that `asset` stored in an earlier run, if there is one and it can be read."""
+        """The table that `asset` stored in an earlier run, if there is one and it is whole. Raises
+        `OutOfReachError` where that cannot be told: mend the store before all is made anew."""
         try:
             return read_table(self.path(f"{asset}.parquet"))
+        except OutOfReachError:
+            raise
         except TactileError as error:
             logger.info("%s starts afresh: %s", asset, error)
             return None

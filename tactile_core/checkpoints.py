@@ -13,8 +13,10 @@ import numpy as np
 import torch
 from upath import UPath
 
+from tactile_core.addresses import one_line
 from tactile_core.checksums import sealed, unsealed
-from tactile_core.files import written_whole
+from tactile_core.errors import OutOfReachError
+from tactile_core.files import stored_bytes, written_whole
 
 logger = logging.getLogger(__name__)
 
@@ -30,14 +32,22 @@ def save_checkpoint(path: Path | UPath, key: str, state: dict[str, Any]) -> None
 
 
 def load_checkpoint(path: Path | UPath, key: str) -> dict[str, Any] | None:
-    """The state at `path`; None where there is none, or it is damaged or of another key."""
-    if not path.exists():
-        return None
+    """The state at `path`; None where there is none, or it is damaged or of another key.
+
+    Raises `OutOfReachError` where that cannot be told: else hours of work would start over.
+    """
     try:
-        data = io.BytesIO(unsealed(path.read_bytes()))
-        saved = torch.load(data, map_location="cpu", weights_only=True)
+        data = stored_bytes(UPath(path))
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise OutOfReachError(f"{path} cannot be read ({one_line(error)}): mend that") from error
+    try:
+        saved = torch.load(io.BytesIO(unsealed(data)), map_location="cpu", weights_only=True)
         found, state = saved["key"], restored(saved["state"])
-    except Exception as error:  # a damaged file can bring about any
+    except MemoryError:  # it may be whole
+        raise
+    except Exception as error:  # a damaged file can bring about any other
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         logger.warning("%s cannot be read (%s): the work starts over", path, reason)
         return None

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from upath import UPath
 
 from tactile_core.checksums import AT_A_TIME, is_whole_parquet, seal_parquet
-from tactile_core.errors import DamagedError
+from tactile_core.errors import DamagedError, OutOfReachError
 from tactile_core.files import in_reach, is_local, written_whole
 
 ROWS = 2**14  # of a table that are in memory more than once, and stored as one group
@@ -41,7 +41,7 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
     asset : that stores it; None: the one that the file is named after
 
     Raises `DamagedError` where the file is missing, or a byte of it has changed, and
-    `OutOfReachError` where its store does not answer.
+    `OutOfReachError` where its disk does not let it be read, or its store does not answer.
     """
     source = UPath(path)
     remedy = f"materialise {asset or source.stem} again"
@@ -58,7 +58,9 @@ def read_table(path: str | os.PathLike | UPath, asset: str | None = None) -> pd.
         raise DamagedError(missing) from error
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise DamagedError(f"{source} cannot be read ({reason}): mend that, or {remedy}") from error
+        raise OutOfReachError(
+            f"{source} cannot be read ({reason}): mend that, or remove it and {remedy}"
+        ) from error
 
 
 def table_hash(table: pd.DataFrame) -> str:

@@ -1,12 +1,16 @@
 """Checkpoints: what a killed work goes on from."""
 
+import errno
+
 import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from upath import UPath
 
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
+from tactile_core.errors import OutOfReachError
 
 STATE = {
     "weights": {"layer": torch.arange(6.0).reshape(2, 3)},
@@ -41,6 +45,19 @@ def test_a_checkpoint_of_other_inputs_is_left_alone(stored):
 
 def test_where_nothing_was_saved_there_is_nothing(tmp_path):
     assert load_checkpoint(tmp_path / "checkpoint.pt", "key") is None
+
+
+def test_a_checkpoint_that_cannot_be_read_now_is_not_taken_for_none(stored, monkeypatch):
+    """A store that is busy for a moment must not make hours of work start over."""
+
+    def busy(path):
+        raise OSError(errno.EBUSY, "Please reduce your request rate")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(UPath(stored)), "read_bytes", busy)
+        with pytest.raises(OutOfReachError, match=r"checkpoint.pt cannot be read .*reduce your"):
+            load_checkpoint(stored, "key")
+    assert equals_state(load_checkpoint(stored, "key"))
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
