@@ -85,6 +85,20 @@ def test_what_is_otherwise_per_grasp_is_told():
     ]
 
 
+@pytest.mark.parametrize(
+    ("random", "policy", "said", "same"),
+    [(1.0, 1.0, "4.6", True), (0.9, 1.0, "≥ 4.6", True), (1.0, 0.5, "≤ 4.6", False),
+     (0.9, 0.5, "≈ 4.6", False)],
+)  # fmt: skip
+def test_a_ratio_of_rays_is_a_bound_where_not_every_rollout_got_its_touches(
+    random, policy, said, same
+):
+    """Of those that did not, only the rays that they did cast count."""
+    of_both = grasps().loc[["random", "total"]].assign(rays=[46.0, 10.0], reached=[random, policy])
+    [found] = [row for row in of_grasps(steps(), of_both) if "three times" in row.finding]
+    assert (found.ours, found.same) == (said, same)
+
+
 def test_policies_that_a_run_lacks_have_no_row():
     rows = list(of_steps(steps().drop(["total", "diff"]), curve(4.0)))
     assert not [row for row in rows if "`diff`" in row.finding or "slowly" in row.finding]
