@@ -115,7 +115,7 @@ def attainable_rollouts(
 
 
 @dg.asset(
-    code_version=code_version("evaluation.attainable", PROFILE.per_step),
+    code_version=code_version("evaluation.attainable", "evaluation.statistics", PROFILE.per_step),
     automation_condition=after("attainable_rollouts", "rollouts"),
     **READING,
 )

@@ -1,11 +1,12 @@
 """What runs by itself: weekly, when the source of the meshes changes, and after a training.
 
 The schedule and the source sensor are off until they are switched on in the UI, under
-Automation. Evaluations follow new policies and a new U-Net wherever the daemon runs.
+Automation. Evaluations follow new policies, and that of the reconstruction a new U-Net, wherever
+the daemon runs.
 """
 
 import json
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
 import dagster as dg
 
@@ -22,13 +23,23 @@ CRON = schedule_or_end()
 # Promised only where somebody asked for a schedule: one run of the chain may take a day.
 FRESHNESS = dg.FreshnessPolicy.time_window(longest_wait(CRON) + timedelta(days=1)) if CRON else None
 
-WAITING = [dg.DagsterRunStatus.NOT_STARTED, dg.DagsterRunStatus.QUEUED]
+# Whoever made a run that has not begun for so long was killed before it could.
+LONGEST_START = timedelta(minutes=10)
 
 
 def waiting(instance: dg.DagsterInstance) -> str:
     """That a run of the whole chain waits already, in a few words; "" where none does. It will read
     whatever there is once it begins: another behind it would find nothing new."""
-    runs = instance.get_runs(dg.RunsFilter(job_name=whole_chain.name, statuses=WAITING), limit=1)
+    young = datetime.now(UTC) - LONGEST_START
+    some = (
+        dg.RunsFilter(job_name=whole_chain.name, statuses=[dg.DagsterRunStatus.QUEUED]),
+        dg.RunsFilter(
+            job_name=whole_chain.name,
+            statuses=[dg.DagsterRunStatus.NOT_STARTED],
+            created_after=young,
+        ),
+    )
+    runs = [run for each in some for run in instance.get_runs(each, limit=1)]
     return f"run {runs[0].run_id} of the whole chain waits already" if runs else ""
 
 
@@ -127,7 +138,7 @@ refresh_evaluations = dg.AutomationConditionSensorDefinition(
     "refresh_evaluations",
     target=EVALUATIONS,
     default_status=dg.DefaultSensorStatus.RUNNING,
-    description="Evaluates anew when the policies or the U-Net have changed.",
+    description="Evaluates anew when the policies have changed, or the U-Net.",
 )
 
 

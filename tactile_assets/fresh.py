@@ -57,6 +57,14 @@ def configured(instance: dg.DagsterInstance, asset: str) -> bool:
 
 def what_is_stored(instance: dg.DagsterInstance, store: Store, assets: list[str]) -> str:
     """Why it is not what this home's records tell of, in a sentence; "" where it is."""
+    if reason := other_content(instance, store, assets):
+        return reason
+    bare = [asset for asset in assets if not store.has_pictures(latest(instance, asset)[1])]
+    return f"Figures are missing, or others: of {', '.join(bare)}." if bare else ""
+
+
+def other_content(instance: dg.DagsterInstance, store: Store, assets: list[str]) -> str:
+    """As `what_is_stored`, whatever the figures are."""
     records = {asset: latest(instance, asset)[1] for asset in assets}
     versions = {asset: stored_version(store, asset) for asset in assets}
     if damaged := [asset for asset in assets if versions[asset] is None]:
@@ -64,8 +72,6 @@ def what_is_stored(instance: dg.DagsterInstance, store: Store, assets: list[str]
     told = {asset: (records[asset].tags or {}).get(DATA_VERSION) for asset in assets}
     if others := [asset for asset in assets if versions[asset] != told[asset]]:
         return f"Other content than this home made, as its records tell: {', '.join(others)}."
-    if bare := [asset for asset in assets if not store.has_pictures(records[asset])]:
-        return f"Figures are missing, or others: of {', '.join(bare)}."
     return ""
 
 

@@ -20,6 +20,7 @@ from tactile_core.files import written_whole
 
 VARIABLE = "TACTILE_WEBHOOK"
 FOLDER = "messages"  # in the home
+LONGEST = 3000  # letters of a message: longer ones are refused here and there, now and later
 
 
 @dg.run_failure_sensor(
@@ -86,7 +87,7 @@ def keep(run: dg.DagsterRun, became: str, lines: Sequence[str]) -> dg.SkipReason
     what = "a run of some assets" if run.job_name.startswith("__") else run.job_name
     head = f"Tactile exploration: {what} {became} on {socket.gethostname()} (run {run.run_id})"
     with written_whole(folder() / f"{run.run_id}.txt") as file:
-        file.write("\n".join([head, *lines]).encode())
+        file.write("\n".join([head, *lines])[:LONGEST].encode())
     return None
 
 

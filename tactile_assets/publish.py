@@ -18,6 +18,7 @@ import pandas as pd
 from tactile_assets.chain import in_order
 from tactile_assets.config import PROFILE
 from tactile_assets.definitions import defs
+from tactile_assets.fresh import other_content
 from tactile_assets.pages import PICTURES, page, readme_part
 from tactile_assets.paths import REPOSITORY
 from tactile_assets.provenance import how_made, latest, made_here, own_instance, whole_run
@@ -47,7 +48,7 @@ def publish(name: str, note: str | None = None) -> None:
     reconstruction = read_table(store.path("reconstruction_evaluation.parquet"))
     evaluations = stored_evaluations(store)
     settings = load_unet(store.path("unet")).settings
-    about = run_facts(evaluations)
+    about = run_facts(store, evaluations)
     results = {}
     tables = {
         "hyperparameters": hyperparameter_rows(settings),
@@ -97,6 +98,8 @@ def written_anew(folder: Path) -> Iterator[Path]:
     """An empty folder to write to, which takes the place of `folder` if the block succeeds: nothing
     of an earlier run stays."""
     aside, old = (folder.with_name(f".{folder.name}.{word}") for word in ("new", "old"))
+    if old.exists() and not folder.exists():  # it was killed between its two last steps
+        old.rename(folder)
     for left in (aside, old):
         shutil.rmtree(left, ignore_errors=True)
     aside.mkdir(parents=True)
@@ -134,15 +137,26 @@ def findings_of(
     )
 
 
-def run_facts(evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
+def run_facts(store: Store, evaluations: dict[str, pd.DataFrame]) -> dict[str, Any]:
     """What, where and when: everything needed to make the same run again.
 
-    Raises `TactileError` where no single run made what is stored, or the variables have changed.
+    Raises `TactileError` where no single run made what is stored, another home did, evaluations are
+    of several commits or machines, or the variables have changed.
     """
+    assets = in_order(defs)
     with own_instance() as instance:
-        run = whole_run(instance, [name for name in in_order(defs) if not name.startswith("real_")])
-        made = how_made(instance, f"{list(evaluations)[-1]}_evaluation")
+        run = whole_run(instance, [name for name in assets if not name.startswith("real_")])
+        if reason := other_content(instance, store, assets):
+            raise TactileError(f"{reason} Make run again, or publish from the home that made it")
+        every = [how_made(instance, f"{name}_evaluation") for name in evaluations]
         cast = latest(instance, "rollouts")[1].metadata
+    made = every[-1]
+    for fact in ("commit", "machine"):
+        if len(found := {one[fact] for one in every}) > 1:
+            raise TactileError(
+                f"{', '.join(evaluations)} are of more than one {fact} ({', '.join(found)}): make "
+                "run again"
+            )
     variables = made.pop("variables")
     made.pop("choice", None)  # which each evaluation has its own of
     if variables != (now := made_here()["variables"]):

@@ -24,7 +24,8 @@ from tactile_core.spread import on_cluster
 
 LOCATION, DEFINITIONS = "tactile-exploration", "tactile_assets.definitions"  # see workspace.yaml
 
-HOST, PID, SINCE = "tactile/host", "tactile/pid", "tactile/since"  # tags of a run
+# Tags of a run: its process, as `Worker` has it.
+HOST, PID, SINCE, MARK = "tactile/host", "tactile/pid", "tactile/since", "tactile/process"
 FINISHED = [DagsterRunStatus.SUCCESS, DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
 UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
 
@@ -83,7 +84,8 @@ def one_at_a_time(executor: dg.ExecutorDefinition, store: Store) -> dg.ExecutorD
 
 def tags_of(worker: Worker) -> dict[str, str]:
     """The process of a run as the run's tags."""
-    return {HOST: worker.host, PID: str(worker.pid), SINCE: repr(worker.started)}
+    host, pid, started, mark = worker
+    return {HOST: host, PID: str(pid), SINCE: repr(started), MARK: mark}
 
 
 def worker_of(run: dg.DagsterRun) -> Worker | None:
@@ -91,7 +93,7 @@ def worker_of(run: dg.DagsterRun) -> Worker | None:
     tags = run.tags
     if not {HOST, PID, SINCE} <= tags.keys():
         return None
-    return Worker(tags[HOST], int(tags[PID]), float(tags[SINCE]))
+    return Worker(tags[HOST], int(tags[PID]), float(tags[SINCE]), tags.get(MARK, ""))
 
 
 def end_dead_runs(instance: dg.DagsterInstance) -> list[str]:

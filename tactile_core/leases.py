@@ -80,7 +80,8 @@ def leased(lock: UPath, name: str, waits: Callable[[str], None]) -> Iterator[Non
 def _take(lock: UPath, claim: Claim, waits: Callable[[str], None]) -> Claim:
     seen, since, told = None, 0.0, False
     while True:
-        if _created(lock, claim):
+        # The answer to a creation may be lost, and asked for again: then it is there, and ours.
+        if _created(lock, claim) or _is_ours(lock, claim):
             time.sleep(SETTLED)
             if _is_ours(lock, claim):
                 return claim

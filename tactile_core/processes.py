@@ -7,21 +7,25 @@ import signal
 import socket
 import sys
 import time
+from pathlib import Path
 from typing import NamedTuple
 
 import psutil
 
 SET_PARENT_DEATH_SIGNAL = 1  # Linux: prctl's PR_SET_PDEATHSIG
 KILLED_SECONDS = 10  # one that was killed lets go of its memory first, on a busy machine slowly
-CLOCK_STEP = 2.0  # seconds: a clock that is set moves the start of every process
+BOOT, PROCESS = Path("/proc/sys/kernel/random/boot_id"), "/proc/{}/stat"  # Linux
+STARTED = 19  # which word after the name in PROCESS is the start, in ticks since the boot
 
 
 class Worker(NamedTuple):
-    """A process: the machine's name, its number there, and when it started (Unix time)."""
+    """A process: the machine's name, its number there, when it started (Unix time), and a mark that
+    no later process of that number has, though the clock be set; "" where the system has none."""
 
     host: str
     pid: int
     started: float
+    mark: str = ""
 
     @classmethod
     def here(cls) -> "Worker":
@@ -31,7 +35,7 @@ class Worker(NamedTuple):
     @classmethod
     def of(cls, pid: int) -> "Worker":
         """The process of this number on this machine."""
-        return cls(socket.gethostname(), pid, psutil.Process(pid).create_time())
+        return cls(socket.gethostname(), pid, psutil.Process(pid).create_time(), mark_of(pid))
 
     def __str__(self) -> str:
         since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self.started))
@@ -45,10 +49,23 @@ class Worker(NamedTuple):
         if self.host != socket.gethostname():
             return False
         try:
-            other = abs(psutil.Process(self.pid).create_time() - self.started) > CLOCK_STEP
+            there = Worker.of(self.pid)
         except psutil.NoSuchProcess:
             return True
-        return other or not works(self.pid)
+        same = there.mark == self.mark if self.mark else there.started == self.started
+        return not (same and works(self.pid))
+
+
+def mark_of(pid: int) -> str:
+    """The boot of the machine, and the ticks from it to the start of a process; "" elsewhere than
+    on Linux. Raises `psutil.NoSuchProcess`."""
+    if sys.platform != "linux":
+        return ""
+    try:
+        words = Path(PROCESS.format(pid)).read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError) as error:
+        raise psutil.NoSuchProcess(pid) from error
+    return f"{BOOT.read_text().strip()}:{words[STARTED]}"
 
 
 def end_with(parent: int) -> None:

@@ -25,7 +25,8 @@ def render_real(
     """Every usable mesh at its random rotations, and the meshes that were set aside.
 
     root, cache : where the meshes and downloaded archives are kept, as in `collect_meshes`
-    previous : the samples of an earlier run; those that have not changed are not rendered again
+    previous : the samples of an earlier run; those that have not changed are not rotated and
+        rendered again. Meshes as they stand are rendered each time, to see which are usable
 
     The samples have the columns of `rotate_splits`, and "test" for their split: however few
     there are, nothing is trained on them. A mesh may be set aside when it is read or when its

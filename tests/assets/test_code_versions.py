@@ -26,6 +26,7 @@ DECIDES = {
     "reconstruction.search": {"unet_search"},
     "exploration.policies.recall": {"policies", "rollouts"},
     "evaluation.readings": {"per_step_evaluation", "per_grasp_evaluation"},
+    "evaluation.bootstrap": {"per_step_evaluation", "per_grasp_evaluation"},
     "figures.curves": set(),
 }
 WITH_ANOTHER = """

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from tactile_assets.pages import how_it_was_made, page, readme_part
+from tactile_assets.provenance import how_made
 from tactile_assets.publish import (
     BEGIN,
     END,
@@ -19,9 +20,11 @@ from tactile_assets.publish import (
     publish,
     shown_run,
     with_results,
+    written_anew,
 )
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.tables import NO_INTERVAL
+from tactile_core.parquet import read_table, write_table
 from tests.assets.running import Platform
 
 PUBLISHED = [file.parent for file in sorted(RESULTS.glob("*/run.json"))]
@@ -153,6 +156,37 @@ def test_results_of_several_runs_are_not_published(chain, elsewhere, tmp_path, m
         with pytest.raises(TactileError, match=r"outlines and .* were made in different runs"):
             publish_from(copy, monkeypatch)
     assert not elsewhere.exists()
+
+
+def test_what_another_home_stored_is_not_published_with_the_records_of_this_one(
+    chain, elsewhere, tmp_path, monkeypatch
+):
+    shutil.copytree(chain.home, tmp_path / "home", symlinks=True)
+    table = tmp_path / "home" / "artifacts" / "reconstruction_evaluation.parquet"
+    write_table(read_table(table).assign(jaccard=99.0), table)
+    other = r"Other content than this home made, as its records tell: reconstruction_evaluation\."
+    with pytest.raises(TactileError, match=other):
+        publish_from(Platform(tmp_path / "home", chain.instance), monkeypatch)
+    assert not elsewhere.exists()
+
+
+def test_evaluations_of_two_commits_are_not_published_as_of_one(chain, elsewhere, monkeypatch):
+    def made(instance, asset):
+        other = {"commit": "another"} if asset == "per_grasp_evaluation" else {}
+        return how_made(instance, asset) | other
+
+    monkeypatch.setattr("tactile_assets.publish.how_made", made)
+    with pytest.raises(TactileError, match="per_grasp are of more than one commit"):
+        publish_from(chain, monkeypatch)
+    assert not elsewhere.exists()
+
+
+def test_a_page_that_a_killed_command_had_put_aside_comes_back(elsewhere):
+    (elsewhere / ".some.old").mkdir(parents=True)
+    (elsewhere / ".some.old" / "run.json").write_text("{}")
+    with pytest.raises(ZeroDivisionError), written_anew(elsewhere / "some"):
+        raise ZeroDivisionError
+    assert [file.name for file in elsewhere.rglob("*")] == ["some", "run.json"]
 
 
 def test_of_an_earlier_run_nothing_stays_on_the_page(chain, elsewhere, monkeypatch):

@@ -58,6 +58,20 @@ def test_a_claim_whose_process_is_gone_counts_no_longer(place, monkeypatch):
         assert Claim.from_bytes((place / LOCK).read_bytes()).name == "ours"
 
 
+def test_a_claim_whose_creation_was_answered_too_late_is_not_waited_for(place, monkeypatch):
+    """The client asks again where an answer is lost, and is told that the object is there."""
+    created = leases._created
+
+    def answer_lost(lock, claim):
+        created(lock, claim)
+        return created(lock, claim)
+
+    monkeypatch.setattr(leases, "_created", answer_lost)
+    said = []
+    with claimed(place, "ours", said.append):
+        assert said == []
+
+
 def test_a_process_that_works_in_another_container_of_the_same_name_is_waited_for(place):
     """Its number is that of no process here, but it renews its claim."""
     with subprocess.Popen(["sleep", "60"]) as process:

@@ -9,7 +9,7 @@ import time
 import psutil
 import pytest
 
-from tactile_core.processes import end_those_with, works
+from tactile_core.processes import Worker, end_those_with, works
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="Linux's kernel is asked")
 # Prints the number of a helper that waits for a line and then says that it ends with its parent.
@@ -64,6 +64,16 @@ def test_a_helper_ends_whose_parent_was_gone_before_it_could_ask(family):
     parent.stdin.flush()
     assert parent.stdout.readline() == ""
     assert ends(helper.pid)
+
+
+@linux
+def test_a_process_is_known_though_the_clock_was_set_and_a_later_one_is_not_taken_for_it():
+    here = Worker.here()
+    assert not here.is_gone()
+    assert not here._replace(started=here.started - 3600).is_gone()
+    assert here._replace(mark="another boot:1").is_gone()
+    assert not here._replace(mark="").is_gone()  # as recorded before there were marks
+    assert here._replace(mark="", started=here.started - 3600).is_gone()
 
 
 def test_a_process_that_ended_and_that_nobody_asked_for_does_not_work():
