@@ -1,13 +1,16 @@
 """`tactile evaluate my_policy.py:choose`: a policy of one's own in the tables of the last run."""
 
+import os
 import sys
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 import click
 
 from tactile_core.errors import TactileError
+from tactile_core.keys import CORE
+from tactile_core.value_versions import is_installed
 
 ACTIONS = ("alpha and beta", "angle and offset")
 CHANNELS = ("free space", "ray number")
@@ -64,8 +67,12 @@ def loaded(own: str) -> tuple[str, Any]:
     path = Path(file)
     if not file or not name:
         raise TactileError(f"{own!r} names no policy: give FILE:NAME, as my_policy.py:choose")
-    if path.suffix != ".py" or not path.is_file():
+    if path.suffix != ".py" or not os.path.isfile(file):  # noqa: PTH113 (False for any name)
         raise TactileError(f"{file} is no Python file that is there: give FILE:NAME")
+    if is_taken(path.stem):
+        raise TactileError(
+            f"{file} has the name of a module that others import ({path.stem}): call it otherwise"
+        )
     spec = spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = module_from_spec(spec)
@@ -75,3 +82,10 @@ def loaded(own: str) -> tuple[str, Any]:
     if not hasattr(module, name):
         raise TactileError(f"{file} has no {name!r}")
     return name, getattr(module, name)
+
+
+def is_taken(name: str) -> bool:
+    """Whether Python or a package that is installed has a module of this name."""
+    found = find_spec(name) if name not in sys.modules else sys.modules[name].__spec__
+    installed = is_installed(Path((found and found.origin) or ""))
+    return name in sys.stdlib_module_names or installed or name == CORE

@@ -52,7 +52,11 @@ def feel(thing: str, name: str, rays: int, seed: int, out: Path, as_json: bool) 
 
     if out.suffix.lower() != ".gif":
         raise TactileError(f"--out {out}: an animation is a GIF, call it *.gif")
-    if out.is_dir() or (out.parent.exists() and not out.parent.is_dir()):
+    try:
+        in_the_way = out.is_dir() or (out.parent.exists() and not out.parent.is_dir())
+    except OSError as error:
+        raise TactileError(f"--out {out} cannot be written ({error.strerror})") from error
+    if in_the_way:
         raise TactileError(f"--out {out}: a folder has that name, or a file that of its folder")
     artifacts = at_hand(UNET, POLICIES)
     unet = load_unet(artifacts / "unet")

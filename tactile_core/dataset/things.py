@@ -1,6 +1,7 @@
 """Anything that can be felt out, as a mask: a mesh, a picture, or a generated shape of a class."""
 
 import os
+import stat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,13 +47,19 @@ def find_thing(name: str, resolution: int, seed: int = 0) -> Thing:
     if name in GENERATORS:
         return generated_thing(name, resolution, seed)
     path = Path(os.path.expanduser(name))  # noqa: PTH111 (a file may be called ~cup.obj)
-    if path.is_dir():
-        raise TactileError(f"{name} is a folder: name one mesh or picture in it")
-    if not path.exists():
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise TactileError(
             f"{name} is not there: give a mesh ({' '.join(READERS)}), a picture "
             f"({' '.join(drawings.SUFFIXES)}) or a class that is generated ({' '.join(GENERATORS)})"
-        )
+        ) from error
+    except OSError as error:
+        raise TactileError(f"{name} cannot be looked at: {error.strerror}") from error
+    if stat.S_ISDIR(mode):
+        raise TactileError(f"{name} is a folder: name one mesh or picture in it")
+    if not stat.S_ISREG(mode):
+        raise TactileError(f"{name} is no file: name a mesh or picture")
     try:
         return thing_in(read_file(UPath(path)), path.suffix, resolution)
     except TactileError as error:

@@ -78,6 +78,8 @@ def policy(name: str, env: Any = None, *, seed: int = 0, deterministic: bool = F
         reconstructor, interface = as_reconstructor(default_unet()), Interface()
     else:
         reconstructor, interface = attribute(env, "reconstructor"), attribute(env, "interface")
+    if seed < 0:
+        raise TactileError(f"seed={seed}: a seed is not negative")
     found = find_policy(name, reconstructor)
     return Actor(found, reconstructor, interface, policy_rng(found, seed), deterministic)
 

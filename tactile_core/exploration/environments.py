@@ -6,6 +6,7 @@
 `tactile_core` registers them.
 """
 
+import inspect
 import os
 from collections.abc import Sequence
 from typing import Any
@@ -19,6 +20,7 @@ from tactile_core.errors import TactileError
 from tactile_core.exploration.at_hand import ROTATED_SPLITS, at_hand
 from tactile_core.exploration.learning.approaches import find_approach
 from tactile_core.exploration.world.env import TactileEnv
+from tactile_core.exploration.world.episodes import Options
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.rewards import Stage
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
@@ -27,25 +29,29 @@ from tactile_core.parquet import read_table
 from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet
 
+# Arguments of an environment class that are made out of others here.
+GIVEN = {"masks", "reconstructor", "stage", "num_envs", "environments", "options"}
+
 AnyUNet = Reconstructor | TrainedUNet | str | os.PathLike | UPath
 
 
 def make_env(**arguments: Any) -> TactileEnv:
     """The single environment: `environment_parts` and the arguments of `TactileEnv`."""
-    return TactileEnv(**environment_parts(**arguments))
+    return TactileEnv(**environment_parts(TactileEnv, **arguments))
 
 
 def make_vector_env(num_envs: int = 1, **arguments: Any) -> TactileVectorEnv:
     """Many at once: `environment_parts` and the arguments of `TactileVectorEnv`."""
-    return TactileVectorEnv(num_envs, **environment_parts(**arguments))
+    return TactileVectorEnv(num_envs, **environment_parts(TactileVectorEnv, **arguments))
 
 
 def make_sb3_env(environments: int = 32, **arguments: Any) -> BatchedTactileEnv:
     """Many at once for Stable-Baselines3: `environment_parts` and those of `BatchedTactileEnv`."""
-    return BatchedTactileEnv(environments, **environment_parts(**arguments))
+    return BatchedTactileEnv(environments, **environment_parts(BatchedTactileEnv, **arguments))
 
 
 def environment_parts(
+    environment: type,
     *,
     masks: np.ndarray | None = None,
     unet: AnyUNet | None = None,
@@ -57,7 +63,7 @@ def environment_parts(
     interface: Interface | None = None,
     **others: Any,
 ) -> dict[str, Any]:
-    """The arguments of an environment out of those that are friendlier to give.
+    """The arguments of an environment class out of those that are friendlier to give.
 
     masks : (M, R, R) of 0 and 1, in the middle half of the image; by default those of `split`
         ("train", "eval" or, by default, "test") that the last run stored in the home or, without a
@@ -69,6 +75,12 @@ def environment_parts(
 
     Raises `TactileError` where one of them is unknown or not there, or two say different things.
     """
+    own = inspect.signature(environment).parameters.keys() | Options.__annotations__.keys()
+    if unknown := others.keys() - own:
+        raise TactileError(
+            f"an environment knows no {min(unknown)}=: there are masks, unet, split, approach, "
+            f"stage, actions, channels and {', '.join(sorted(own - GIVEN))}"
+        )
     if masks is not None and split is not None:
         raise TactileError(f"masks= are given, so there is no split={split!r} to take: give one")
     return {

@@ -52,6 +52,8 @@ def gather() -> Materials:
         _ = reconstructor.single_touches
     table = read_table(artifacts / ROTATED_SPLITS)
     test = table[table["split"] == "test"]
+    if test.empty:
+        raise TactileError(f"{artifacts} has no shapes in the test split to hide: make another run")
     return Materials(
         reconstructor,
         copy.copy(reconstructor),  # which compiles for itself

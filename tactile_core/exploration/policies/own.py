@@ -51,10 +51,14 @@ class FunctionPolicy:
 
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """The function's action, (2,) int; raises `TactileError` where it is none."""
-        action = np.asarray(self.function(observation, info))
+        answer = self.function(observation, info)
+        try:
+            action = np.asarray(answer)
+        except ValueError:  # lists of several lengths, one in the other
+            action = np.empty(0)
         if action.shape != (2,) or action.dtype.kind not in "iu":
             raise TactileError(
-                f"{self.name} returned {action.tolist()!r:.100}: an action is two whole numbers, "
+                f"{self.name} returned {answer!r:.100}: an action is two whole numbers, "
                 f"{self.interface.actions}"
             )
         return action

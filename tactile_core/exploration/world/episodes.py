@@ -46,8 +46,8 @@ class Episodes:
         interface: Interface = Interface(),  # noqa: B008 (frozen)
     ) -> None:
         for name, value in (("count", count), ("ray_limit", ray_limit)):
-            if value < 1:
-                raise TactileError(f"{name}={value}: an episode has at least one ray")
+            if not isinstance(value, int | np.integer) or value < 1:
+                raise TactileError(f"{name}={value}: an episode has a whole number of rays, from 1")
         self.masks = checked(masks)
         self.stage = stage
         self.count = count
@@ -73,7 +73,9 @@ class Episodes:
         """
         unknown = set(options or {}) - {"mask"}
         if unknown:
-            raise TactileError(f"reset's options know no {min(unknown)!r}: there is 'mask'")
+            raise TactileError(
+                f"reset's options know no {min(unknown, key=str)!r}: there is 'mask'"
+            )
         if not options:
             return int(generator.integers(len(self.masks)))
         mask = options["mask"]
@@ -85,8 +87,14 @@ class Episodes:
 
     def step(self, actions: np.ndarray) -> tuple[Cast, np.ndarray, np.ndarray, np.ndarray]:
         """One ray each, actions (N, 2) int: what it did, rewards (N,) float32, and which episodes
-        are terminated or truncated by it, (N,) bool each."""
-        cast = self.state.cast(self.interface.rays(actions, self.resolution))
+        are terminated or truncated by it, (N,) bool each. Raises `TactileError` where they are not
+        as many, before any of them is cast."""
+        rays = self.interface.rays(actions, self.resolution)  # (N, 2)
+        if len(rays) != len(self.state):
+            raise TactileError(
+                f"{len(rays)} actions for {len(self.state)} environments: give as many"
+            )
+        cast = self.state.cast(rays)
         rewards = np.asarray(self.stage.reward(cast), np.float32)
         if rewards.shape != (len(self.state),):
             raise TactileError(

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Unpack
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.seeding import np_random
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -41,6 +42,7 @@ class BatchedTactileEnv(VecEnv):
         self.reward_scale = reward_scale
         self.generators = [np_random(seed + index)[0] for index in range(environments)]
         self.returns = np.zeros(environments, np.float32)
+        self.begun = False
         self.render_mode = None
         interface, resolution = self.episodes.interface, self.episodes.resolution
         super().__init__(
@@ -76,6 +78,7 @@ class BatchedTactileEnv(VecEnv):
     def restart(self, which: np.ndarray, options: Sequence[dict[str, Any]] | None = None) -> None:
         """New episodes in the environments at indices `which`, on newly drawn masks or those of
         `options`."""
+        self.begun = True
         chosen = options or [{}] * self.num_envs
         drawn = [self.episodes.draw(self.generators[index], chosen[index]) for index in which]
         self.episodes.begin(which, np.array(drawn, int))
@@ -85,6 +88,8 @@ class BatchedTactileEnv(VecEnv):
         self.actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        if not self.begun:
+            raise ResetNeeded("no episodes have begun: call reset() before step()")
         _, rewards, terminated, truncated = self.episodes.step(self.actions)
         done = terminated | truncated
         self.returns += rewards
@@ -115,6 +120,7 @@ class BatchedTactileEnv(VecEnv):
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from what `get_state` returned."""
+        self.begun = True
         for generator, saved in zip(self.generators, state["generators"], strict=True):
             generator.bit_generator.state = saved
         self.drawn[:] = state["drawn"]

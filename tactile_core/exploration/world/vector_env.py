@@ -24,7 +24,8 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     the reset, one pass of the U-Net in eleven would be for nothing. Stable-Baselines3 does so too.
 
     Environment i draws its masks from a generator of its own, seeded with `seed + i`.
-    `max_episode_steps` truncates as Gymnasium's `TimeLimit` does.
+    `max_episode_steps` truncates as Gymnasium's `TimeLimit` does; −1: never. Gymnasium's wrappers
+    of vector observations want a reset in a step of its own: `vectorization_mode="sync"` has it.
     """
 
     metadata = {  # noqa: RUF012
@@ -51,7 +52,9 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.reconstructor = reconstructor
         self.interface = self.episodes.interface
         self.render_mode = render_mode
-        self.max_episode_steps = max_episode_steps
+        self.max_episode_steps = None if max_episode_steps == -1 else max_episode_steps
+        if self.max_episode_steps is not None and self.max_episode_steps < 1:
+            raise TactileError(f"max_episode_steps={max_episode_steps}: at least 1, or -1 for none")
         resolution = self.episodes.resolution
         self.single_observation_space = self.interface.observation_space(resolution)
         self.single_action_space = self.interface.action_space(resolution)
@@ -61,6 +64,11 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.seeds: list[int] = []
         self.last_rays: np.ndarray | None = None  # (N, 2) int
         self.fresh = np.ones(num_envs, bool)  # whose episode has had no ray
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """What each environment draws its masks with; as `SyncVectorEnv`."""
+        return tuple(self.generators)
 
     def reset(
         self,

@@ -1,6 +1,7 @@
 """`tactile evaluate`: a policy of one's own beside those of a run."""
 
 import shutil
+import sys
 import textwrap
 import traceback
 
@@ -88,6 +89,11 @@ def test_an_error_in_the_user_s_code_is_shown_with_its_traceback(evaluate, home)
     ("code", "name", "said"),
     [
         ("mine = lambda seen, info: 3", "mine", "mine returned 3: an action is two whole numbers"),
+        (
+            "mine = lambda seen, info: [1, [2, 3]]",
+            "mine",
+            "mine returned [1, [2, 3]]: an action is",
+        ),
         ("even = lambda seen, info: (1, 2)", "even", "the run has a policy called 'even'"),
         ("x = 1", "mine", "my_policy.py has no 'mine'"),
         ("x = 1", "x", "x is a int: give a function"),
@@ -105,6 +111,24 @@ def test_a_file_that_is_not_there_and_a_home_without_a_run_are_told_in_one_line(
     for own in ("nothing.py:choose", "my_policy.py", str(tmp_path)):
         done = CliRunner().invoke(main, ["evaluate", own])
         assert done.exit_code == 1 and "give FILE:NAME" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["random", "scipy", "tactile_core"])
+def test_a_file_called_as_what_others_import_is_refused(tmp_path, name):
+    """In its place, what imports `random` would get the policy."""
+    file = tmp_path / f"{name}.py"
+    file.write_text("raise AssertionError('it was run')")
+    there = sys.modules.get(name)
+    done = CliRunner().invoke(main, ["evaluate", f"{file}:mine"])
+    assert done.exit_code == 1 and sys.modules.get(name) is there
+    assert done.stderr.strip() == (
+        f"Error: {file} has the name of a module that others import ({name}): call it otherwise"
+    )
+
+
+def test_a_name_that_no_file_can_have_is_told_in_one_line():
+    done = CliRunner().invoke(main, ["evaluate", f"{'a' * 300}.py:mine"])
+    assert done.exit_code == 1 and "is no Python file that is there" in done.stderr
 
 
 def test_rollouts_of_another_unet_are_no_bar(evaluate, home, tmp_path):

@@ -13,6 +13,8 @@ from tactile_core.exploration.pretrained import FOLDER
 from tactile_core.parquet import read_table
 from tactile_core.settings import MeshSettings
 
+LONG = "a" * 300  # longer than file systems take
+
 
 @pytest.fixture
 def feel(tmp_path, monkeypatch):
@@ -81,6 +83,11 @@ def test_a_drawing_is_felt_out_and_misses_are_called_so(feel, tmp_path):
     [
         (["cup"], "cup is not there: give a mesh"),
         (["mug", "--policy", "best"], "policy 'best' is unknown: choose from random, even"),
+        ([LONG], f"{LONG} cannot be looked at: File name too long"),
+        (
+            ["mug", "--out", f"{LONG}.gif"],
+            f"--out {LONG}.gif cannot be written (File name",
+        ),
         (["mug", "--out", "run.mp4"], "--out run.mp4: an animation is a GIF, call it *.gif"),
     ],
 )

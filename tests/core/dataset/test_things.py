@@ -1,5 +1,7 @@
 """What can be felt out is named by a path or a class."""
 
+import os
+
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
@@ -66,3 +68,9 @@ def test_what_cannot_be_felt_is_named_with_the_reason(tmp_path, monkeypatch, nam
     with pytest.raises(TactileError, match=said) as refused:
         find_thing(name, 64)
     assert "\n" not in str(refused.value)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    with pytest.raises(TactileError, match="is no file: name a mesh or picture"):
+        find_thing(str(tmp_path / "pipe.png"), 64)

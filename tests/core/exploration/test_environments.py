@@ -101,7 +101,9 @@ def test_the_unet_may_be_a_value_a_path_or_ready_to_predict(home, shapes, unet, 
         ({"approach": TOTAL, "stage": 1}, "is a stage already"),
         ({"stage": "first"}, "stages 1 to 1, not first"),
         ({"actions": "alpha and beta", "interface": GRID}, "give these or that"),
-        ({"count": 0}, "count=0: an episode has at least one ray"),
+        ({"count": 0}, "count=0: an episode has a whole number of rays, from 1"),
+        ({"count": 2.5}, "count=2.5: an episode has a whole number of rays"),
+        ({"chanels": ["free space"]}, "knows no chanels=: there are masks, unet, .* ray_limit"),
         ({"masks": np.zeros((1, 64, 64))}, "mask 0 is empty or leaves the middle half"),
         ({"masks": np.eye(64)[None]}, "rows and columns 16 to 47: scale it"),
     ],
@@ -138,7 +140,13 @@ def test_reset_takes_the_mask_that_it_is_given(parts):
         _, info = env.reset(options={"mask": mask})
         assert info["mask"] == mask
         np.testing.assert_array_equal(info["exploration"]["masks"], parts["masks"][mask])
-    for wrong in ({"mask": len(parts["masks"])}, {"mask": -1}, {"mask": "cup"}, {"masks": 3}):
+    for wrong in (
+        {"mask": len(parts["masks"])},
+        {"mask": -1},
+        {"mask": "cup"},
+        {"masks": 3},
+        {3: 4, "a": 1},
+    ):
         with pytest.raises(TactileError, match=r"no mask|know no"):
             env.reset(options=wrong)
 
@@ -151,6 +159,9 @@ def test_render_and_step_before_reset_say_what_is_wrong(parts):
             env.render()
         with pytest.raises(gym.error.ResetNeeded, match=r"call reset\(\) before step\(\)"):
             env.step(env.action_space.sample())
+    for_sb3 = make_sb3_env(2, **parts)
+    with pytest.raises(gym.error.ResetNeeded, match=r"call reset\(\) before step\(\)"):
+        for_sb3.step(np.full((2, 2), 3))
 
 
 @pytest.mark.skipif(not window_missing(), reason="a window can be opened here")
@@ -260,6 +271,23 @@ def test_seeds_are_told_and_may_be_an_array(parts):
     np.testing.assert_array_equal(first, again)
 
 
+def test_the_generators_that_draw_the_masks_can_be_had_and_seeds_stay_as_they_were(parts):
+    many = gym.make_vec(NAME, num_envs=2, **parts)
+    many.reset(seed=5)
+    assert many.np_random == tuple(many.generators)
+    assert many.np_random_seed == (5, 6)
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_as_many_actions_as_environments_are_asked_for_before_a_ray_is_cast(parts, number):
+    many, for_sb3 = gym.make_vec(NAME, num_envs=2, **parts), make_sb3_env(2, **parts)
+    for env in (many, for_sb3):
+        env.reset()
+        with pytest.raises(TactileError, match=f"{number} actions for 2 environments"):
+            env.step(np.full((number, 2), 3))
+    assert not many.episodes.state.rays.any() and not for_sb3.state.rays.any()
+
+
 def test_stable_baselines_s_options_choose_the_masks_of_one_reset(parts):
     env = make_sb3_env(3, **parts)
     env.set_options({"mask": 2})
@@ -295,6 +323,12 @@ def test_a_time_limit_truncates_single_and_many_alike(parts):
     many.reset(seed=0)
     ends = [one.step(np.array([3, 3]))[2:4] for _ in range(2)]
     assert ends == [(False, False), (False, True)]
+    for limit in (0, -2):
+        with pytest.raises(TactileError, match="max_episode_steps"):
+            gym.make_vec(NAME, num_envs=2, **parts, max_episode_steps=limit)
+    without = gym.make_vec(NAME, num_envs=2, **parts, max_episode_steps=-1)
+    without.reset(seed=0)
+    assert not without.step(np.full((2, 2), 3))[3].any()
     for expected in ends:
         terminated, truncated = many.step(np.full((2, 2), 3))[2:4]
         assert [*zip(terminated.tolist(), truncated.tolist(), strict=True)] == [expected] * 2
