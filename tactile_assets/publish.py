@@ -37,13 +37,22 @@ RESULTS = REPOSITORY / "docs" / "results"
 README = REPOSITORY / "README.md"
 CURVES = (("per_step", "step", "figure_4.png"), ("per_grasp", "grasp", "figure_5.png"))
 DRAWN_BY = {"figure_4.png": "per_step_evaluation", "figure_5.png": "per_grasp_evaluation"}
+RUN = "run.json"  # how a run was made, beside its tables
 BEGIN, END = "<!-- results: tactile publish -->", "<!-- end of results -->"
 
 
 def publish(name: str, note: str | None = None) -> None:
-    """Write docs/results/`name` from what the assets stored, with a `note` on how it was run."""
+    """Write docs/results/`name` from what the assets stored, with a `note` on how it was run.
+
+    Raises `TactileError` where the name is none, or that of something else than a published run.
+    """
     from tactile_core.reconstruction.trained import load_unet
 
+    target = RESULTS / name
+    if not name or Path(name).name != name or name.startswith("."):
+        raise TactileError(f"{name!r} names no run: give a word, such as laptop")
+    if target.exists() and not (target / RUN).exists():
+        raise TactileError(f"{target} holds no published run, and would be replaced: name another")
     store = Store.from_environment()
     reconstruction = read_table(store.path("reconstruction_evaluation.parquet"))
     evaluations = stored_evaluations(store)
@@ -74,13 +83,13 @@ def publish(name: str, note: str | None = None) -> None:
     if notes:
         about["notes"] = notes
     pictures = {figure: picture(store, figure) for figure in PICTURES}
-    with written_anew(RESULTS / name) as folder:
+    with written_anew(target) as folder:
         for title, table in tables.items():
             table.to_csv(folder / f"{title}.csv", index=False, float_format="%.4f")
         for figure, data in pictures.items():
             (folder / figure).write_bytes(data)
-        (folder / "run.json").write_text(json.dumps(about, indent=2, ensure_ascii=False) + "\n")
-    print(f"Published to {RESULTS / name}")
+        (folder / RUN).write_text(json.dumps(about, indent=2, ensure_ascii=False) + "\n")
+    print(f"Published to {target}")
 
 
 def picture(store: Store, figure: str) -> bytes:
@@ -214,7 +223,7 @@ def main(name: str | None, note: str | None) -> None:
     """Publish the last run as `name`, if any, and write the pages of all that are published."""
     if name:
         publish(name, note)
-    for run in sorted(RESULTS.glob("*/run.json")):
+    for run in sorted(RESULTS.glob(f"*/{RUN}")):
         draw_curves(run.parent)
         (run.parent / "README.md").write_text(page(run.parent))
     README.write_text(with_results(README.read_text(), readme_part(shown_run())))

@@ -38,7 +38,6 @@ def aged(chain, tmp_path) -> Platform:
         shutil.copytree(home / "artifacts/policies/total-0", home / "artifacts/policies/total-9")
         (home / "artifacts/figures/of_an_asset_that_was.png").write_bytes(b"")
         download = cache_path("https://example.org/model.zip", home / "cache" / DOWNLOADS)
-        download.parent.mkdir(parents=True)
         download.write_bytes(b"a download")
         (home / "cache/unet/tensorboard").mkdir(parents=True, exist_ok=True)
         (home / "cache/unet/checkpoint.pt").write_bytes(b"")

@@ -189,6 +189,20 @@ def test_a_page_that_a_killed_command_had_put_aside_comes_back(elsewhere):
     assert [file.name for file in elsewhere.rglob("*")] == ["some", "run.json"]
 
 
+@pytest.mark.parametrize("name", ["", ".", "..", "../assets", "a/b", "/tmp/a", ".hidden"])
+def test_what_is_no_name_of_a_run_replaces_no_folder(chain, elsewhere, monkeypatch, name):
+    (elsewhere / "laptop").mkdir(parents=True)
+    with pytest.raises(TactileError, match="names no run: give a word"):
+        publish(name)
+    assert [folder.name for folder in elsewhere.iterdir()] == ["laptop"]
+
+
+def test_what_is_no_published_run_is_not_replaced(elsewhere):
+    (elsewhere / "bench").mkdir(parents=True)
+    with pytest.raises(TactileError, match="bench holds no published run, and would be replaced"):
+        publish("bench")
+
+
 def test_of_an_earlier_run_nothing_stays_on_the_page(chain, elsewhere, monkeypatch):
     (elsewhere / "some").mkdir(parents=True)
     for left in ("attainable.csv", "attainable_curve.csv", "real_per_step.csv", "run.json"):
