@@ -54,6 +54,21 @@ def test_an_object_has_one_geometry_however_its_file_is_written(seed):
     assert geometry_hash(*parse_parts(rewritten(mesh, rng))) == expected
 
 
+@settings(deadline=None, max_examples=20)
+@given(seed=seeds)
+def test_an_object_that_stands_otherwise_or_has_its_faces_twice_is_the_same(seed):
+    """As where another axis points up, in a mirror, and where both sides of a face are stored."""
+    mesh = made(seed)
+    expected = geometry_hash(*parse_parts(mesh))
+    turns = np.eye(3)[[2, 0, 1]], np.diag([1, -1, -1]), np.diag([-1, 1, 1])
+    for turn in turns:
+        turned = trimesh.Trimesh(mesh.vertices @ turn, mesh.faces, process=False)
+        assert geometry_hash(*parse_parts(turned)) == expected
+    both = np.concatenate([mesh.faces, mesh.faces[:, ::-1]])
+    doubled = trimesh.Trimesh(mesh.vertices, both, process=False)
+    assert geometry_hash(*parse_parts(doubled)) == expected
+
+
 def parse_parts(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
     low, high = mesh.bounds
     scaled = (mesh.vertices - (low + high) / 2) / np.linalg.norm(high - low)
