@@ -113,12 +113,13 @@ def shape_in(picture: Image.Image) -> tuple[np.ndarray, str]:
     opaque = np.asarray(picture.getchannel("A")) >= HALF
     if not opaque.any():
         raise TactileError("is transparent all over: there is no shape in it")
-    if at_border(opaque).mean() < 0.5:
+    # Cut-outs are often trimmed to their shape, which then touches all four sides.
+    if at_border(opaque).mean() < 1 - SPECK:
         return opaque, "what is opaque taken for the shape"
     white = Image.new("RGBA", picture.size, "white")
     grey = np.asarray(Image.alpha_composite(white, picture).convert("L"))
     low, high = int(grey.min()), int(grey.max())
-    if high - low < FEWEST_GREYS:
+    if high - low < FEWEST_GREYS and not is_segmentation(grey):
         colour = "black" if high < 64 else "white" if low > 191 else "grey"
         raise TactileError(f"is {colour} all over: there is no shape in it")
     threshold = int(threshold_otsu(grey))
@@ -126,6 +127,12 @@ def shape_in(picture: Image.Image) -> tuple[np.ndarray, str]:
     if at_border(dark).mean() < 0.5:
         return dark, f"what is dark taken for the shape (grey {threshold} of 255, or darker)"
     return ~dark, f"what is light taken for the shape (lighter than grey {threshold} of 255)"
+
+
+def is_segmentation(grey: np.ndarray) -> bool:
+    """Whether a picture (H, W) uint8 holds two numbers, as 0 and 1, and neither by accident."""
+    _, counts = np.unique(grey, return_counts=True)
+    return len(counts) == 2 and bool(counts.min() > SPECK * grey.size)
 
 
 def at_border(picture: np.ndarray) -> np.ndarray:

@@ -49,8 +49,11 @@ def find_meshes(
                 f"says nothing of it; give it a number there (as {category}: 5), or take it out "
                 "of classes"
             )
-    kept = [m for name in sorted(by_class) for m in by_class[name][: settings.models_per_class]]
-    return kept, sources
+    most = settings.models_per_class
+    for name, of_class in by_class.items():
+        if most is not None and len(of_class) > most:
+            progress(f"{name}: the first {most} of {len(of_class)} are taken (models_per_class)")
+    return [m for name in sorted(by_class) for m in by_class[name][:most]], sources
 
 
 def _check_sums(settings: MeshSettings, places: list[Place]) -> None:

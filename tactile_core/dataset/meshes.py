@@ -71,7 +71,7 @@ def collect_meshes(
     refused, or keeps no usable mesh.
     """
     _check_not_among_them(settings, root)
-    settings = with_classes(settings)
+    settings = with_classes(settings, progress)
     _check_apart(settings, root)
     with contextlib.ExitStack() as stack:
         found, sources = find_meshes(settings, cache / DOWNLOADS, stack, progress)

@@ -94,11 +94,16 @@ def auth_for(url: str, token: str | None) -> AuthBase | None:
 
 
 def validators_of(response: requests.Response) -> dict[str, str]:
+    """What tells the file from others, see `VALIDATORS`; no length that is none."""
     if response.headers.get("Content-Encoding", "identity") != "identity":
         return {}  # they speak of the packed bytes
-    return {
+    found = {
         key: response.headers[name] for key, name in VALIDATORS.items() if name in response.headers
     }
+    lengths = set(found.pop("length", "").replace(" ", "").split(","))  # some send it twice
+    if len(lengths) == 1 and (length := lengths.pop()).isdecimal():
+        found["length"] = length
+    return found
 
 
 def is_unchanged(cached: dict[str, str], response: requests.Response) -> bool:
@@ -113,10 +118,16 @@ def if_range(begun: dict[str, str]) -> str | None:
     return etag if etag and not etag.startswith("W/") else begun.get("modified")
 
 
-def is_other_range(response: requests.Response, offset: int) -> bool:
-    begins = f"bytes {offset}-"
-    sent = response.headers.get("Content-Range", "")
-    return response.status_code == 206 and not sent.startswith(begins)
+def is_other_range(response: requests.Response, offset: int, begun: dict[str, str]) -> bool:
+    """Whether a part was sent that is not the rest of what was `begun` under these validators: of
+    another place, or of another file by a server that does not know If-Range."""
+    if response.status_code != 206:
+        return False
+    place, _, total = response.headers.get("Content-Range", "").rpartition("/")
+    sent = validators_of(response) | ({"length": total} if total.isdecimal() else {})
+    sent = {key: value for key, value in sent.items() if key != "length" or total.isdecimal()}
+    other = any(begun.get(key, value) != value for key, value in sent.items())
+    return other or not place.startswith(f"bytes {offset}-")
 
 
 def reason_of(error: Exception) -> str:
@@ -129,4 +140,6 @@ def reason_of(error: Exception) -> str:
         return "its certificate is not trusted"
     if isinstance(error, requests.ConnectionError):
         return "no connection"
+    if not isinstance(error, requests.RequestException):
+        return "it leads to what is no address"
     return type(error).__name__

@@ -34,7 +34,10 @@ def cache_path(address: str, folder: Path) -> Path:
     """Where the file at `address` lies in the cache, under a name like its own."""
     name = unquote(urlsplit(address).path).rstrip("/").rpartition("/")[2]
     place = folder / content_hash(address)
-    place.mkdir(parents=True, exist_ok=True)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TactileError(f"{place} cannot be made ({error.strerror}): mend that") from error
     return place / (re.sub(r"[^\w.-]", "_", name)[-100:].strip(".") or "download")
 
 
@@ -46,12 +49,12 @@ def part_of(target: Path) -> Path:
 def read_record(path: Path) -> dict[str, str]:
     """What was recorded of a file; empty where it is missing or has another length by now."""
     try:
-        record = json.loads(_record_path(path).read_text())
+        record = dict(json.loads(_record_path(path).read_text()))
         size = path.stat().st_size
-    except (FileNotFoundError, json.JSONDecodeError):
+        length = int(record.get("length", size))
+    except (FileNotFoundError, ValueError, TypeError):  # the latter two of a damaged record
         return {}
-    whole = path.suffix != ".part"
-    return {} if whole and int(record.get("length", size)) != size else record
+    return {} if path.suffix != ".part" and length != size else record
 
 
 def write_record(path: Path, record: dict[str, str]) -> None:

@@ -92,7 +92,9 @@ def remote_version(url: str, token: str | None = None) -> str | None:
         if response.status_code in (404, 410):
             return None
         refuse(response, url)
-    except (TransientError, requests.RequestException) as error:
+    except TactileError:
+        raise
+    except (TransientError, requests.RequestException, ValueError) as error:
         raise TactileError(
             f"{shown(url)} cannot be asked whether it has changed ({reason_of(error)}): look at "
             "the address and the network"
@@ -152,7 +154,8 @@ def _with_retries(
 def _attempt(url: str, target: Path, token: str | None, progress: Callable[[str], None]) -> Path:
     """One request. Returns `target` where it is unchanged, else its part, complete."""
     part = part_of(target)
-    cached, validator = read_record(target), if_range(read_record(part))
+    cached, begun = read_record(target), read_record(part)
+    validator = if_range(begun)
     offset = part.stat().st_size if validator else 0
     headers = dict(PLAIN)
     if validator and offset:
@@ -165,7 +168,7 @@ def _attempt(url: str, target: Path, token: str | None, progress: Callable[[str]
         ) as response:
             if (cached and response.status_code == 304) or is_unchanged(cached, response):
                 return target
-            if response.status_code == 416 or is_other_range(response, offset):
+            if response.status_code == 416 or is_other_range(response, offset, begun):
                 part.unlink(missing_ok=True)
                 raise TransientError("the server has no such rest of the file")
             refuse(response, url)
@@ -178,7 +181,9 @@ def _attempt(url: str, target: Path, token: str | None, progress: Callable[[str]
         raise TransientError(reason_of(error)) from None
     except requests.exceptions.ChunkedEncodingError:
         raise TransientError("the connection broke") from None
-    except requests.RequestException as error:
+    except TactileError:
+        raise
+    except (requests.RequestException, ValueError) as error:  # the latter of odd addresses
         raise TactileError(f"{shown(url)} cannot be fetched ({reason_of(error)})") from None
     except OSError as error:
         raise TactileError(f"{part} cannot be written ({error.strerror}): make room") from error

@@ -4,6 +4,7 @@ import base64
 import json
 import struct
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -129,5 +130,5 @@ class GlbFile:
         if not address.startswith("data:"):
             raise TactileError(f"keeps its geometry in another file, {address[:80]!r}: join them")
         if number not in self.decoded:
-            self.decoded[number] = base64.b64decode(address.partition(",")[2])
+            self.decoded[number] = base64.b64decode(unquote(address.partition(",")[2]))
         return self.decoded[number]

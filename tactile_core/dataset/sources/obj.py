@@ -40,7 +40,7 @@ def read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     `TactileError` with a reason that does not name the file. Whether the vertices are finite is
     not looked at.
     """
-    text = as_ascii(data).removesuffix(b"\0")
+    text = as_ascii(data).removesuffix(b"\0").removesuffix(b"\x1a")  # the latter ends DOS's files
     vertices, counts, corners, read_so_far = [np.empty((0, 3))], [NONE], [NONE], 0
     if b"f" not in text and b"F" not in text:  # whatever else there is
         return vertices[0], NONE.reshape(0, 3)

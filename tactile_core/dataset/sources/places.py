@@ -80,7 +80,7 @@ def is_address(value: str) -> bool:
 
 def is_http(address: str) -> bool:
     """Whether an address is for `download`, not for fsspec."""
-    return address.startswith(("http://", "https://"))
+    return address.lower().startswith(("http://", "https://"))
 
 
 def open_place(

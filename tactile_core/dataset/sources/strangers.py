@@ -1,6 +1,7 @@
 """What often lies under the name of a mesh and is none: told by its first bytes."""
 
 import codecs
+import re
 
 BEGINNINGS = {
     b"\x1f\x8b": "is packed with gzip: unpack it",
@@ -14,11 +15,15 @@ BEGINNINGS = {
     b"DRACO": "is packed with Draco, which is not read: export it without compression",
 }
 OTHERS = {b"glTF": ".glb", b"ply\n": ".ply", b"ply\r": ".ply"}
+ANNEX = re.compile(rb"(\.\./)*(\.git)?/annex/objects/")
+OBJ = re.compile(rb"(?m)^v[ \t]+-?[\d.]+(e[-+]?\d+)?[ \t]+-?[\d.]")  # a vertex of text
 PAGE = (b"<!doctype html", b"<html", b"<head", b"<body", b"<script")
 
 
 def stranger(data: bytes, suffix: str) -> str | None:
     """What is wrong with a file that is no mesh of the kind that its name says, if that shows."""
+    if not data:
+        return "is empty: get it again"
     for beginning, kind in BEGINNINGS.items():
         if data.startswith(beginning):
             return kind
@@ -28,6 +33,14 @@ def stranger(data: bytes, suffix: str) -> str | None:
     if data and not data[: 1 << 20].strip(b"\0"):
         return "begins with nothing but zeros, as a copy that was broken off: get it again"
     text = data[:1024].removeprefix(codecs.BOM_UTF8).lstrip().lower()
+    if ANNEX.match(text):
+        return "is a git-annex pointer, not the mesh that it stands for: run git annex get there"
+    if suffix == ".obj" and text.startswith((b"off\n", b"off\r", b"off ")):
+        return "is an OFF file under another name: call it *.off"
+    if suffix == ".obj" and text.startswith(b"solid") and b"facet" in text:
+        return "is an STL file under another name: call it *.stl"
+    if suffix == ".stl" and OBJ.search(data[:1024]) and b"facet" not in text:
+        return "is an OBJ file under another name: call it *.obj"
     if text.startswith(b"version https://git-lfs"):
         return "is a Git LFS pointer, not the mesh that it stands for: run git lfs pull there"
     if text.startswith(PAGE):

@@ -34,6 +34,8 @@ def saved(picture: Image.Image, kind: str = "PNG", **options) -> bytes:
 
 MUG = mask_of_picture(saved(mug()), R).mask
 CLEAR = (0, 0, 0, 0)
+CUT_OUT = mug(ink="black", paper=CLEAR, mode="RGBA")
+INK = np.asarray(mug().convert("L")) < 128
 DEEP = Image.fromarray(np.asarray(mug().convert("L")).astype(np.uint16) * 257)
 NOISE = np.random.default_rng(0).normal(0, 15, (400, 400))
 NOISY = np.asarray(mug(ink=(60, 60, 60), paper=(200, 200, 200)).convert("L")) + NOISE
@@ -64,6 +66,10 @@ def test_a_shape_is_centred_in_the_middle_half_and_keeps_its_proportions_and_its
         saved(mug(ink="black", paper=CLEAR, mode="RGBA")),
         saved(mug(ink="white", paper=CLEAR, mode="RGBA")),
         saved(mug(ink="black", paper=CLEAR, mode="RGBA").convert("LA")),
+        saved(CUT_OUT.crop(CUT_OUT.getbbox())),
+        saved(mug(ink="white", paper=CLEAR, mode="RGBA").crop(CUT_OUT.getbbox())),
+        saved(Image.fromarray(INK.astype(np.uint8))),
+        saved(Image.fromarray(INK.astype(np.uint8) * 7)),
         saved(DEEP),
         saved(mug(4000)),
         saved(Image.fromarray(NOISY.clip(0, 255).astype(np.uint8))),

@@ -30,7 +30,8 @@ from tests.core.dataset.mesh_files import (
 )
 
 BAD = {
-    "empty": (b"", "has no faces"),
+    "empty": (b"", "is empty: get it again"),
+    "bare": (b"# Blender\n", "has no faces"),
     "nan": (obj() + b"v nan 0 0\nf -1 1 2\n", "has a vertex that is not a finite number"),
     "flat": (b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", "has no extent"),
     "cut": (obj()[:-3], "has a face with fewer than three numbers (is the file cut off?)"),

@@ -119,6 +119,40 @@ def test_a_file_that_changes_between_break_and_resumption_is_never_mixed(make_st
     assert get(store.url, tmp_path).read_bytes() == BODY[::-1]
 
 
+@pytest.mark.parametrize("body", [BODY[::-1], BODY[::-1] + b"and more"])
+def test_a_server_that_does_not_know_if_range_mixes_no_files(make_store, tmp_path, body):
+    store = make_store(body=BODY, breaks=[20 * PIECE] + [0] * 5, knows_if_range=False)
+    refusal(store.url, tmp_path)
+    store.body, store.etag = body, '"2"'
+    assert get(store.url, tmp_path).read_bytes() == body
+    store.breaks, store.etag = [20 * PIECE], '"3"'  # within one run, the rest is still its own
+    assert get(store.url, tmp_path).read_bytes() == body
+
+
+def test_a_length_that_is_sent_twice_is_one_and_one_that_is_none_is_none(make_store, tmp_path):
+    size = str(len(BODY))
+    for length in (f"{size}, {size}", "as long as it takes"):
+        store = make_store(body=BODY, length=length)
+        assert get(store.url, tmp_path).read_bytes() == BODY
+
+
+@pytest.mark.parametrize(
+    "odd", ["http://a..b/x.zip", f"http://{'a' * 64}.example/x.zip", "http://[::1/x.zip"]
+)
+def test_what_is_no_address_is_told_in_one_line_wherever_it_comes_from(make_store, tmp_path, odd):
+    store = make_store(body=BODY, redirect=odd)
+    for url in {odd, store.url} - {"http://[::1/x.zip"}:
+        assert "cannot be fetched" in refusal(url, tmp_path)
+
+
+@pytest.mark.parametrize("record", [b"[]", b"\xff", b"{", b'{"length": "none"}', bytes(40)])
+def test_a_damaged_record_is_the_same_as_none(make_store, tmp_path, record):
+    store = make_store(body=BODY)
+    path = get(store.url, tmp_path)
+    path.with_name(f"{path.name}.json").write_bytes(record)
+    assert get(store.url, tmp_path).read_bytes() == BODY
+
+
 @pytest.mark.parametrize("etag", [None, 'W/"1"'])
 def test_without_a_strong_validator_a_broken_download_starts_over(make_store, tmp_path, etag):
     store = make_store(body=BODY, etag=etag, breaks=[20 * PIECE])

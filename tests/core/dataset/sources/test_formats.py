@@ -40,6 +40,17 @@ def without_lines(data: bytes, lines: int) -> bytes:
     return b"".join(data.splitlines(keepends=True)[:-lines])
 
 
+def again(data: bytes, name: str, other: str | None = None) -> bytes:
+    """A text PLY with an element once more behind the others, perhaps under another name."""
+    header, end, body = data.partition(b"end_header\n")
+    [declared] = re.findall(rb"element %b .*\n(?:property .*\n)+" % name.encode(), header)
+    rows = int(declared.split()[2])
+    lines = body.splitlines(keepends=True)
+    of_name = lines[-rows:] if name == "face" else lines[:rows]
+    renamed = declared.replace(name.encode(), (other or name).encode(), 1)
+    return b"".join([header, renamed, end, *lines, *of_name])
+
+
 def beside_vertices(head: str, more: bytes) -> bytes:
     """An OFF with `more` behind the three coordinates of each vertex."""
     return re.sub(rb"(\.\d{6})\n", rb"\1" + more + rb"\n", off(head))
@@ -234,6 +245,9 @@ def test_a_facet_on_one_line_among_others_is_not_passed_over():
         ),
         (ply().replace(b"4 0 1", b"4 0 99"), "a vertex that does not exist"),
         (ply([]), "no faces"),
+        (again(ply(), "face"), "has its faces in several elements, which are not read"),
+        (again(ply(), "vertex"), "has its vertices in several elements, which are not read"),
+        (again(ply(), "face", "polygon"), "has faces in elements that are not read: polygon"),
     ],
 )
 def test_a_ply_that_lacks_something_says_what(data, why):
@@ -316,6 +330,9 @@ def test_elements_that_are_not_read_are_named_where_there_is_no_face():
         (b"\x1f\x8b\x08\0\0\0\0\0", "packed with gzip"),
         (b"PK\x03\x04rest", "zip archive"),
         (bytes(1000), "nothing but zeros"),
+        (b"", "is empty: get it again"),
+        (b"/annex/objects/MD5E-s1--2.obj\n", "git-annex pointer"),
+        (b"../../.git/annex/objects/aa/bb/MD5E-s1--2.obj/MD5E-s1--2.obj\n", "git-annex pointer"),
     ],
 )
 @pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".off", ".glb"])
@@ -325,5 +342,8 @@ def test_what_is_no_mesh_at_all_is_called_what_it_is(data, why, suffix):
 
 def test_a_mesh_under_the_name_of_another_kind_is_called_what_it_is():
     assert "is a PLY file under another name: call it *.ply" in refusal(ply(), ".obj")
+    assert "is an OFF file under another name" in refusal(off("OFF\n24 14 0\n"), ".obj")
+    assert "is an STL file under another name" in refusal(text_stl(), ".obj")
+    assert "is an OBJ file under another name" in refusal(obj(), ".stl")
     assert "is a GLB file under another name" in refusal(MESH.export(file_type="glb"), ".stl")
     assert "none of the kinds" in refusal(ply(), ".dae")

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from upath import UPath
 
+from tactile_core.dataset.meshes import collect_meshes
 from tactile_core.errors import TactileError
+from tactile_core.settings import MeshSettings
 from tests.core.dataset.mesh_files import (
     BOTTLE,
     MUG,
@@ -50,6 +52,27 @@ def unreadable(monkeypatch, folder: Path) -> None:
             yield here, folders, names
 
     monkeypatch.setattr(os, "walk", refuses)
+
+
+def test_a_folder_without_a_mesh_that_is_read_is_named(tmp_path):
+    make_folder(tmp_path / "source", {
+        "mug/a.obj": obj(), "bowl/b.fbx": b"", "vase/all.zip": b"", "cup.zip": b"",
+        "notes/read.me": b"", ".trash/c.fbx": b"", "mug/d.fbx": b"",
+    })  # fmt: skip
+    said: list[str] = []
+    settings = MeshSettings(classes=None, location=str(tmp_path / "source"))
+    collect_meshes(settings, UPath(tmp_path / "root"), tmp_path / "cache", said.append)
+    [told] = [sentence for sentence in said if "are no classes" in sentence]
+    assert told.startswith("3 of what lies in ") and "(as bowl/b.fbx)" in told
+
+
+def test_a_loose_mesh_makes_one_class_of_all_and_that_is_told(tmp_path):
+    make_folder(tmp_path / "source", {"mug/a.obj": obj(), "cup/b.obj": obj(2), "c.obj": obj(3)})
+    said: list[str] = []
+    settings = MeshSettings(classes=None, location=str(tmp_path / "source"))
+    manifest = collect_meshes(settings, UPath(tmp_path / "root"), tmp_path / "cache", said.append)
+    assert set(manifest["category"]) == {"source"}
+    assert "lie in it loose (as c.obj): its folders (cup, mug) are classes" in said[0]
 
 
 @pytest.mark.parametrize("closed", ["vase", "."])

@@ -123,7 +123,7 @@ def test_what_trimesh_writes_is_read_back_as_trimesh_reads_it(vertices, faces):
 @pytest.mark.parametrize(
     ("data", "why"),
     [
-        (b"", "no faces"),
+        (b"", "is empty"),
         (SQUARE, "no faces"),
         (b"\0\xffbinary\0" * 9, "no faces"),
         (SQUARE + b"f 1 2 3\n" + bytes(9), "holds bytes of zero"),
