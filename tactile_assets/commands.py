@@ -47,7 +47,8 @@ def weights() -> None:
     from tactile_core.exploration.pretrained import FOLDER
 
     store = Store.from_environment()
-    ship(store.path(), FOLDER, run_facts(stored_evaluations(store)), click.echo)
+    made = run_facts(store, stored_evaluations(store))
+    ship(store.path(), FOLDER, made, click.echo)
     click.echo(f"Shipped from {FOLDER}")
 
 

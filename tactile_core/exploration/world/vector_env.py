@@ -65,7 +65,7 @@ class TactileVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.last_rays: np.ndarray | None = None  # (N, 2) int
         self.fresh = np.ones(num_envs, bool)  # whose episode has had no ray
 
-    @property
+    @property  # type: ignore[misc]  # read only, as that of SyncVectorEnv
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """What each environment draws its masks with; as `SyncVectorEnv`."""
         return tuple(self.generators)
