@@ -154,36 +154,47 @@ def code_behind(module: str) -> tuple[dict[str, Path], set[str]]:
     below it, and those of what they import, in turn; libraries are left out."""
     files: dict[str, Path] = {}
     core: set[str] = set()
-    waiting = [module]
+    waiting = [(module, own_file(module))]
     while waiting:
-        name = waiting.pop()
+        name, file = waiting.pop()
         root, _, rest = name.partition(".")
         if root == keys.CORE and rest and keys.source(name) is not None:
             core.add(rest)
-        if name in files or root == keys.CORE or (file := own_file(name)) is None:
+        if name in files or root == keys.CORE or file is None:
             continue
         files[name] = file
-        tree = ast.parse(file.read_bytes())
-        waiting += [name.rpartition(".")[0], *imports(tree, name, file)]
+        above = [name.rpartition(".")[0], *imports(name, file)]
+        waiting += [(other, own_file(other)) for other in above]
         if name == module and file.name == "__init__.py":
-            parts = (part.relative_to(file.parent) for part in file.parent.rglob("*.py"))
-            waiting += [".".join([name, *part.with_suffix("").parts]) for part in parts]
+            parts = [part for part in file.parent.rglob("*.py") if part != file]
+            waiting += [(named(name, part.relative_to(file.parent)), part) for part in parts]
     return files, core
+
+
+def named(package: str, part: Path) -> str:
+    """What the module in a file below a package's folder is called."""
+    parts = part.with_suffix("").parts
+    return ".".join([package, *(parts[:-1] if parts[-1] == "__init__" else parts)])
 
 
 def own_file(module: str) -> Path | None:
     """The file of a module of one's own; None for a library's, and for what is no module."""
     try:
         found = importlib.util.find_spec(module) if module else None
-    except (ImportError, ValueError):  # a name out of a module
+    except (ImportError, AttributeError, ValueError):  # a name out of a module
         return None
     origin = Path((found and found.origin) or "")
     is_own = module.partition(".")[0] not in sys.stdlib_module_names and not is_installed(origin)
     return origin if is_own and origin.suffix == ".py" else None
 
 
-def imports(tree: ast.Module, module: str, file: Path) -> Iterator[str]:
-    """Every module, and every name out of one, that the code of a module imports."""
+def imports(module: str, file: Path) -> Iterator[str]:
+    """Every module, and every name out of one, that the code of a module imports; nothing where it
+    is no code."""
+    try:
+        tree = ast.parse(file.read_bytes())
+    except SyntaxError:  # such as a template beside a package's modules
+        return
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     for node in keys.statements(tree):
         if isinstance(node, ast.Import):

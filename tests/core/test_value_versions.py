@@ -182,6 +182,8 @@ MODULE = "import helpers\ndef reward(x): return helpers.score(x)"
         (MODULE, {"helpers": "from package.one import score"}, "package/deeper"),
         (PACKAGE, {"package/part": "def score(x): return 0"}, "package/part"),
         (PACKAGE, {"package/part": "from .deeper import K as score"}, "package/deeper"),
+        (PACKAGE, {"package/part": "def score(x): return 0"}, "package/inner/__init__"),
+        (PACKAGE, {"package/part": "def score(x): return 0"}, "package/template"),
     ],
 )
 def test_a_module_of_one_s_own_counts_with_all_that_it_imports(tmp_path, reward, files, changed):
@@ -194,13 +196,14 @@ print(value_version(reward))
     some = {
         "deeper": "K = 0", "helpers": "", "package/__init__": "", "package/part": "K = 0",
         "package/deeper": "K = 0", "package/one": "from .deeper import K as score",
+        "package/inner/__init__": "raise ValueError", "package/template": "{{ a template }}}",
         "by_the_way": "", **files,
     }  # fmt: skip
 
     def version_with(**others: str) -> str:
         for name, text in (some | others).items():
             file = tmp_path / f"{name}.py"
-            file.parent.mkdir(exist_ok=True)
+            file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text)
         found = subprocess.run(
             [sys.executable, "-B", "-c", code],
