@@ -54,6 +54,7 @@ class FunctionPolicy:
         answer = self.function(observation, info)
         try:
             action = np.asarray(answer)
+            answer = action.tolist()
         except ValueError:  # lists of several lengths, one in the other
             action = np.empty(0)
         if action.shape != (2,) or action.dtype.kind not in "iu":
