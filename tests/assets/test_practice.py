@@ -74,4 +74,5 @@ def test_the_unet_learns_from_the_rays_that_practice_stored(chain, tmp_path):
         "coverage": 2 * len(train),
     }
     assert practised(table, train).rays.shape == (len(train), 6, RAYS, 2)
-    assert not (tmp_path / "cache" / "practice_rays").exists()
+    left = (tmp_path / "cache" / "practice_rays").iterdir()  # until it is seen to be stored
+    assert [file.name for file in left] == ["finished.parquet"]
