@@ -49,7 +49,7 @@ def find_thing(name: str, resolution: int, seed: int = 0) -> Thing:
     path = Path(os.path.expanduser(name))  # noqa: PTH111 (a file may be called ~cup.obj)
     try:
         mode = path.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError) as error:
+    except (FileNotFoundError, NotADirectoryError, ValueError) as error:  # such as a zero byte
         raise TactileError(
             f"{name} is not there: give a mesh ({' '.join(READERS)}), a picture "
             f"({' '.join(drawings.SUFFIXES)}) or a class that is generated ({' '.join(GENERATORS)})"
