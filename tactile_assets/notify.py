@@ -86,8 +86,9 @@ def keep(run: dg.DagsterRun, became: str, lines: Sequence[str]) -> dg.SkipReason
         return dg.SkipReason(f"{VARIABLE} names no webhook")
     what = "a run of some assets" if run.job_name.startswith("__") else run.job_name
     head = f"Tactile exploration: {what} {became} on {socket.gethostname()} (run {run.run_id})"
+    text = "\n".join([head, *lines])
     with written_whole(folder() / f"{run.run_id}.txt") as file:
-        file.write("\n".join([head, *lines])[:LONGEST].encode())
+        file.write((text if len(text) <= LONGEST else f"{text[:LONGEST]} …").encode())
     return None
 
 

@@ -163,8 +163,8 @@ def run_facts(store: Store, evaluations: dict[str, pd.DataFrame]) -> dict[str, A
     for fact in ("commit", "machine"):
         if len(found := {one[fact] for one in every}) > 1:
             raise TactileError(
-                f"{', '.join(evaluations)} are of more than one {fact} ({', '.join(found)}): make "
-                "run again"
+                f"{', '.join(evaluations)} are of more than one {fact} "
+                f"({', '.join(sorted(found))}): make run again"
             )
     variables = made.pop("variables")
     made.pop("choice", None)  # which each evaluation has its own of

@@ -86,6 +86,7 @@ def loaded(own: str) -> tuple[str, Any]:
 
 def is_taken(name: str) -> bool:
     """Whether Python or a package that is installed has a module of this name."""
+    name = name.partition(".")[0]
     found = find_spec(name) if name not in sys.modules else sys.modules[name].__spec__
     installed = is_installed(Path((found and found.origin) or ""))
     return name in sys.stdlib_module_names or installed or name == CORE

@@ -142,6 +142,16 @@ def test_every_failure_of_an_outage_is_told_and_one_that_is_refused_holds_up_no_
     assert notify.kept() == []
 
 
+def test_a_long_message_is_cut_and_says_so(platform, webhook, monkeypatch):
+    monkeypatch.setattr(notify, "LONGEST", 50)
+    watch = Watch(platform, notify.failed_runs)
+    fail(platform)
+    watch.tick()
+    tell(platform)
+    [text] = webhook.taken
+    assert len(text) == 52 and text.endswith(" …")
+
+
 def test_a_redirect_is_no_delivery_and_the_address_in_no_error(webhook):
     webhook.status = 301
     with pytest.raises(TactileError, match=r"\(status 301, a redirect\): correct it") as refused:

@@ -190,7 +190,7 @@ def test_a_page_that_a_killed_command_had_put_aside_comes_back(elsewhere):
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "../assets", "a/b", "/tmp/a", ".hidden"])
-def test_what_is_no_name_of_a_run_replaces_no_folder(chain, elsewhere, monkeypatch, name):
+def test_what_is_no_name_of_a_run_replaces_no_folder(elsewhere, name):
     (elsewhere / "laptop").mkdir(parents=True)
     with pytest.raises(TactileError, match="names no run: give a word"):
         publish(name)

@@ -124,8 +124,9 @@ def is_other_range(response: requests.Response, offset: int, begun: dict[str, st
     if response.status_code != 206:
         return False
     place, _, total = response.headers.get("Content-Range", "").rpartition("/")
-    sent = validators_of(response) | ({"length": total} if total.isdecimal() else {})
-    sent = {key: value for key, value in sent.items() if key != "length" or total.isdecimal()}
+    sent = validators_of(response) | {"length": total}  # of the whole, not of the part
+    if not total.isdecimal():
+        del sent["length"]
     other = any(begun.get(key, value) != value for key, value in sent.items())
     return other or not place.startswith(f"bytes {offset}-")
 

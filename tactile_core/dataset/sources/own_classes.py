@@ -63,7 +63,7 @@ def own_classes(
         if _meshes_in(walk(place).files):  # a link that is a class, as if it had been named
             names.add(folder)
     unread = {parts[0]: "/".join(parts) for parts in _ending(files, OTHER_FORMATS + ARCHIVES)}
-    if names and (none := [f"{path}" for name, path in unread.items() if name not in names]):
+    if names and (none := [path for name, path in unread.items() if name not in names]):
         say(
             f"{len(none)} of what lies in {shown(location)} are no classes (as {none[0]}): meshes "
             f"are {', '.join(SUFFIXES)}"

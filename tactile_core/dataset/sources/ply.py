@@ -27,7 +27,6 @@ TYPES = {
 }  # fmt: skip
 BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
-CUTS = ("vertex", "face", "tristrips")
 END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(?:\r\n|\r|\n|$)")
 LONGEST_HEADER = 4 << 20  # bytes
 
@@ -49,7 +48,7 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     if re.match(rb"ply *\r[^\n]", data) and end[0].endswith(b"\r\n"):
         body -= 1  # lines end in \r, and the first number begins with a byte as \n
     names = [element.name for element in elements]
-    if again := next((name for name in CUTS if names.count(name) > 1), None):
+    if again := next((name for name in WHAT if names.count(name) > 1), None):
         raise TactileError(f"has its {WHAT[again]} in several elements, which are not read")
     columns = _binary_columns if byte_order else _text_columns
     table = columns(data[body:], byte_order, elements)

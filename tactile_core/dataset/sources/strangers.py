@@ -30,7 +30,7 @@ def stranger(data: bytes, suffix: str) -> str | None:
     for beginning, other in OTHERS.items():
         if data.startswith(beginning) and suffix != other:
             return f"is a {other[1:].upper()} file under another name: call it *{other}"
-    if data and not data[: 1 << 20].strip(b"\0"):
+    if not data[: 1 << 20].strip(b"\0"):
         return "begins with nothing but zeros, as a copy that was broken off: get it again"
     text = data[:1024].removeprefix(codecs.BOM_UTF8).lstrip().lower()
     if ANNEX.match(text):

@@ -113,7 +113,7 @@ def test_a_file_that_is_not_there_and_a_home_without_a_run_are_told_in_one_line(
         assert done.exit_code == 1 and "give FILE:NAME" in done.stderr
 
 
-@pytest.mark.parametrize("name", ["random", "scipy", "tactile_core"])
+@pytest.mark.parametrize("name", ["random", "random.old", "scipy", "tactile_core"])
 def test_a_file_called_as_what_others_import_is_refused(tmp_path, name):
     """In its place, what imports `random` would get the policy."""
     file = tmp_path / f"{name}.py"
