@@ -13,10 +13,8 @@ import numpy as np
 import torch
 from upath import UPath
 
-from tactile_core.addresses import one_line
 from tactile_core.checksums import sealed, unsealed
-from tactile_core.errors import OutOfReachError
-from tactile_core.files import stored_bytes, written_whole
+from tactile_core.files import kept_bytes, written_whole
 
 logger = logging.getLogger(__name__)
 
@@ -37,11 +35,9 @@ def load_checkpoint(path: Path | UPath, key: str) -> dict[str, Any] | None:
     Raises `OutOfReachError` where that cannot be told: else hours of work would start over.
     """
     try:
-        data = stored_bytes(UPath(path))
-    except FileNotFoundError:
+        data = kept_bytes(UPath(path))
+    except OSError:  # there is none
         return None
-    except OSError as error:
-        raise OutOfReachError(f"{path} cannot be read ({one_line(error)}): mend that") from error
     try:
         saved = torch.load(io.BytesIO(unsealed(data)), map_location="cpu", weights_only=True)
         found, state = saved["key"], restored(saved["state"])

@@ -108,6 +108,18 @@ def stored_bytes(path: UPath) -> bytes:
         return path.read_bytes()
 
 
+def kept_bytes(path: UPath) -> bytes:
+    """The bytes of what earlier work has kept. Raises `FileNotFoundError` or `NotADirectoryError`
+    where there is nothing, and `OutOfReachError` where it cannot be read now, as of a busy store or
+    a disk that fails: it may be whole, and hours of work would be done again."""
+    try:
+        return stored_bytes(path)
+    except (FileNotFoundError, NotADirectoryError):
+        raise
+    except OSError as error:
+        raise OutOfReachError(f"{path} cannot be read ({one_line(error)}): mend that") from error
+
+
 @contextlib.contextmanager
 def in_reach(path: UPath, done: str = "read") -> Iterator[None]:
     """Raises `OutOfReachError` for what an object store's client raises besides `OSError`.

@@ -16,7 +16,7 @@ from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.dataset.packed import PackedMasks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.errors import OutOfReachError, TactileError
-from tactile_core.files import content_hash, stored_bytes, written_whole
+from tactile_core.files import content_hash, kept_bytes, written_whole
 from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.known_shapes import (
     PACKED_SHAPES,
@@ -132,8 +132,8 @@ def save_unet(unet: TrainedUNet, directory: UPath) -> None:
 def load_unet(directory: UPath) -> TrainedUNet:
     """Read what `save_unet` wrote; raises `TactileError` where it is missing or damaged."""
     try:
-        description = unsealed_json(stored_bytes(directory / "settings.json"), StoredUNet)
-        data = stored_bytes(directory / "model.safetensors")
+        description = unsealed_json(kept_bytes(directory / "settings.json"), StoredUNet)
+        data = kept_bytes(directory / "model.safetensors")
         if content_hash(data, description.resolution) != description.version:
             raise ValueError("these are not the weights that settings.json tells of")
         weights = safetensors.torch.load(data)

@@ -10,7 +10,7 @@ from upath import UPath
 
 from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.errors import OutOfReachError, TactileError
-from tactile_core.files import content_hash, remove_folder, stored_bytes, written_whole
+from tactile_core.files import content_hash, kept_bytes, remove_folder, written_whole
 from tactile_core.reconstruction.trained import TrainedUNet, load_unet, save_unet
 from tactile_core.settings import Settings, UNetSettings
 
@@ -84,7 +84,7 @@ def load_unets(directory: UPath) -> UNets:
     damaged."""
     one = load_unet(directory)
     try:
-        versions = unsealed_json(stored_bytes(directory / INDEX), StoredUNets).version_of_seed
+        versions = unsealed_json(kept_bytes(directory / INDEX), StoredUNets).version_of_seed
     except FileNotFoundError:
         return {one.settings.get("seed", 0): one}
     except OutOfReachError:

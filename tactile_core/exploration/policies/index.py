@@ -13,7 +13,7 @@ from upath import UPath
 
 from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.exploration.policies.store import describe
-from tactile_core.files import stored_bytes, written_whole
+from tactile_core.files import kept_bytes, written_whole
 
 INDEX = "index.json"
 
@@ -43,7 +43,7 @@ def read_index(folder: UPath) -> list[UPath]:
 def read_versions(folder: UPath) -> dict[str, str]:
     """What `write_index` wrote; raises `TactileError` where nothing did, or it is damaged."""
     try:
-        data = stored_bytes(folder / INDEX)
+        data = kept_bytes(folder / INDEX)
         versions = json.loads(data, object_pairs_hook=each_once)
     except OutOfReachError:
         raise

@@ -23,7 +23,7 @@ from tactile_core.exploration.policies.recall import RecallPolicy, load_known_sh
 from tactile_core.exploration.policies.scorer import RayScorer, ScorerPolicy
 from tactile_core.exploration.policies.sequence import SequencePolicy
 from tactile_core.exploration.world.circle import circle_pixels
-from tactile_core.files import content_hash, stored_bytes, written_whole
+from tactile_core.files import content_hash, kept_bytes, written_whole
 from tactile_core.parquet import read_table, table_hash, write_table
 from tactile_core.reconstruction.inference import best_device
 from tactile_core.reconstruction.known_shapes import PACKED_SHAPES
@@ -84,7 +84,7 @@ def save_policy(
 def describe(directory: UPath) -> StoredPolicy:
     """What is stored in `directory`; raises `TactileError` where it is missing or damaged."""
     try:
-        return unsealed_json(stored_bytes(directory / DESCRIPTION), StoredPolicy)
+        return unsealed_json(kept_bytes(directory / DESCRIPTION), StoredPolicy)
     except FileNotFoundError as error:
         raise TactileError(f"{directory} holds no policy: materialise policies first") from error
     except ValidationError as error:
@@ -98,7 +98,7 @@ def describe(directory: UPath) -> StoredPolicy:
 def read_weights(directory: UPath, description: StoredPolicy) -> dict[str, Tensor]:
     """The tensors that `description` speaks of; raises `TactileError` where they are others."""
     try:
-        data = stored_bytes(directory / WEIGHTS)
+        data = kept_bytes(directory / WEIGHTS)
         if content_hash(data) != description.version:
             raise ValueError("or its weights and settings are of two trainings")
         return safetensors.torch.load(data)

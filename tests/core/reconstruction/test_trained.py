@@ -1,5 +1,6 @@
 """A trained U-Net as files."""
 
+import errno
 import json
 
 import numpy as np
@@ -9,9 +10,9 @@ from safetensors.torch import load, save
 from upath import UPath
 
 from tactile_core.dataset.packed import pack_masks
-from tactile_core.errors import TactileError
+from tactile_core.errors import OutOfReachError, TactileError
 from tactile_core.reconstruction.known_shapes import unpack
-from tactile_core.reconstruction.trained import load_unet, save_unet
+from tactile_core.reconstruction.trained import load_unet, save_unet, unet_at
 
 FILES = ("model.safetensors", "settings.json", "curve.parquet", "trained_on.parquet")
 
@@ -31,6 +32,20 @@ def test_a_stored_unet_is_read_back_as_it_was(unet, stored):
     touches = torch.zeros(1, 1, 64, 64)
     touches[..., 30, 25] = 1
     assert torch.equal(again.net()(touches), unet.net()(touches))
+
+
+def test_a_unet_that_cannot_be_read_now_is_not_taken_for_none(unet, stored, monkeypatch):
+    """A store that is busy for a moment must not make it be trained anew."""
+
+    def busy(path):
+        raise OSError(errno.EBUSY, "Please reduce your request rate")
+
+    assert unet_at(stored / "nothing") is None
+    with monkeypatch.context() as patch:
+        patch.setattr(type(stored), "read_bytes", busy)
+        with pytest.raises(OutOfReachError, match=r"settings.json cannot be read .*reduce your"):
+            unet_at(stored)
+    assert unet_at(stored).version() == unet.version()
 
 
 def test_the_known_shapes_are_stored_with_the_net_and_can_be_forgotten(
