@@ -8,7 +8,9 @@ STAMP := .venv/installed-$(shell (echo "$(CURDIR)"; cat pyproject.toml constrain
 ACTIVATE := . .venv/bin/activate
 # What hardly anything imports is compiled where it is.
 RARE := /(tests?|sympy|_inductor|rllib|serve)/
-PIP := .venv/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
+PIP := .venv/bin/pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+# PyPI's torch for Linux brings over 2 GB of CUDA's libraries to download; this index has one without.
+CPU_INDEX := https://download.pytorch.org/whl/cpu
 
 run: install ## Materialise every asset into .tactile/, then print the tables
 	@$(ACTIVATE) && { python -m tactile_assets.fresh || dagster job execute --job whole_chain; } && tactile results
@@ -16,12 +18,14 @@ run: install ## Materialise every asset into .tactile/, then print the tables
 install: $(STAMP) ## Make the virtual environment .venv with everything pinned (does nothing if it is there)
 
 $(STAMP):
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-	  || { echo "Python 3.11 or newer is needed; name it: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
-	@echo "Installing into .venv: about 2.5 GB, one to five minutes"
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \
+	  || { echo "Python 3.11, 3.12 or 3.13 is needed; name one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
+	@echo "Installing into .venv: about 3 GB, one to five minutes"
 	@$(PYTHON) -m venv --clear .venv || { echo "No venv could be made (Debian: apt install python3-venv)"; exit 1; }
-	@$(PIP) --no-compile -e '.[dev]'
-	@$(PIP) --no-compile --no-deps hpbandster  # it asks for netifaces, which needs a compiler and is never imported
+	@[ "$$(uname -s)" != Linux ] || command -v nvidia-smi >/dev/null \
+	  || $(PIP) --no-deps --retries 0 --extra-index-url $(CPU_INDEX) torch || true  # PyPI's, where it does not answer
+	@$(PIP) -e '.[dev]'
+	@$(PIP) --no-deps hpbandster  # it asks for netifaces, which needs a compiler and is never imported
 	@.venv/bin/python -W ignore -m compileall -qq -j 0 -x '$(RARE)' .venv/lib || true  # on all processors, where pip takes one
 	@echo '. "$$VIRTUAL_ENV/../environment.sh"' >> .venv/bin/activate
 	@touch $@
