@@ -104,9 +104,7 @@ def train_policy(
 
 
 @dg.op(out=dg.Out(io_manager_key="policy_index"))
-def gather_policies(
-    context: dg.OpExecutionContext, store: Store, trained: list[PlannedTraining]
-) -> dg.Output[dict[str, str]]:
+def gather_policies(store: Store, trained: list[PlannedTraining]) -> dg.Output[dict[str, str]]:
     """The policies that were trained, by the names of their directories."""
     from tactile_core.figures.curves import training_curves
     from tactile_core.figures.style import png
@@ -130,7 +128,6 @@ def gather_policies(
         **curves_at(store.far_work("policies")),
     }
     version = dg.DataVersion(policies_version(versions))
-    store.forget_steps(context.run_id)
     return dg.Output(versions, metadata=metadata, data_version=version)
 
 

@@ -12,7 +12,7 @@ from upath import UPath
 from tactile_assets.trainings import PlannedTraining
 from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.errors import OutOfReachError, TactileError
-from tactile_core.files import stored_bytes, written_whole
+from tactile_core.files import remove_folder, stored_bytes, written_whole
 from tactile_core.parquet import read_table, write_table
 
 if TYPE_CHECKING:
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from tactile_core.reconstruction.unets import UNets as UNetsBySeed
 else:  # Dagster resolves annotations when it loads, and torch takes seconds
     TrainedUNet, UNetsBySeed = Any, dict[int, Any]
+
+
+STEPS = "steps"
 
 
 @contextmanager
@@ -83,6 +86,8 @@ class PolicyIndex(dg.UPathIOManager):
         from tactile_core.exploration.policies.index import write_index
 
         write_index(path, obj)
+        # Not before: a run that could not write it may be executed again from there.
+        remove_folder(self._base_path / STEPS / context.run_id)
 
     def load_from_path(self, context: dg.InputContext, path: UPath) -> list[UPath]:
         from tactile_core.exploration.policies.index import read_index
@@ -94,7 +99,7 @@ class PolicyIndex(dg.UPathIOManager):
 class Steps(dg.UPathIOManager):
     """The trainings that the steps inside `policies` hand each other, by run, as JSON.
 
-    They lie in the store, so that steps may run on several machines; of no use afterwards.
+    They lie in the store, so that steps may run on several machines; `PolicyIndex` removes them.
     """
 
     extension = ".json"
@@ -131,5 +136,5 @@ IO_MANAGERS = {
     "tables": in_store(Tables),
     "unets": in_store(UNets),
     "policy_index": in_store(PolicyIndex),
-    "io_manager": in_store(Steps, "steps"),
+    "io_manager": in_store(Steps, STEPS),
 }

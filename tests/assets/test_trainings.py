@@ -54,6 +54,19 @@ def test_a_training_that_breaks_off_is_tried_again_on_its_own(copy_of_chain, fai
     assert retries(result) == ["policies.train_policy[total_3]"]
 
 
+def test_a_run_that_could_not_store_its_index_can_be_executed_again_from_there(
+    copy_of_chain, monkeypatch
+):
+    def write_index(*arguments):
+        raise OSError("the store is full")
+
+    monkeypatch.setattr("tactile_core.exploration.policies.index.write_index", write_index)
+    result = copy_of_chain.materialise("policies", config=ONE, raise_on_error=False)
+    assert not result.success
+    handed = copy_of_chain.store.path("steps", result.run_id)
+    assert [path for path in handed.rglob("*.json") if "total_3" in str(path)]
+
+
 def test_a_training_that_a_user_has_to_mend_is_not_tried_again(copy_of_chain, failing):
     failing.error = TactileError("batch_size is too large: choose a smaller one")
     with pytest.raises(dg.Failure, match="batch_size is too large"):
