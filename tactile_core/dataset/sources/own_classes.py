@@ -7,7 +7,7 @@ from upath import UPath
 
 from tactile_core.addresses import full, shown
 from tactile_core.dataset.sources.folders import OUT, as_local, as_path, walk
-from tactile_core.dataset.sources.layouts import ARCHIVES, OTHER_FORMATS, SUFFIXES, hidden
+from tactile_core.dataset.sources.layouts import ARCHIVES, OTHER_FORMATS, SUFFIXES, SYNSET, hidden
 from tactile_core.dataset.sources.places import is_address, is_http, kind_of
 from tactile_core.errors import TactileError
 from tactile_core.settings import SHAPENET_CLASSES, MeshSettings
@@ -40,6 +40,11 @@ def own_classes(
     """
     address = full(location)
     if not own_folders(address):
+        if not is_http(address) and (beside := folders_beside_synsets(as_path(address))):
+            say(
+                f"{shown(location)} is taken for ShapeNet; what else lies there "
+                f"({', '.join(beside[:3])}) is looked at only where classes name it"
+            )
         return {}
     root = as_path(address)
     files, left_out = walk(root)
@@ -97,6 +102,17 @@ def own_folders(address: str) -> bool:
         return False
     synsets = SHAPENET_CLASSES.values()
     return not any(kind_of(root / n) for synset in synsets for n in (synset, f"{synset}.zip"))
+
+
+def folders_beside_synsets(root: UPath) -> list[str]:
+    """The folders of ShapeNet's location that are no synset, nor called as a class of the report;
+    none where the location cannot be listed, as a bucket whose objects alone may be read."""
+    try:
+        names = sorted(path.name for path in root.iterdir() if path.is_dir())
+    except Exception:  # every fsspec file system has errors of its own
+        return []
+    known = {*SHAPENET_CLASSES, *NO_CLASSES}
+    return [n for n in names if not (SYNSET.fullmatch(n) or n in known or hidden((n,)))]
 
 
 def _name_of(root: UPath) -> str:

@@ -66,6 +66,23 @@ def test_a_folder_without_a_mesh_that_is_read_is_named(tmp_path):
     assert told.startswith("3 of what lies in ") and "(as bowl/b.fbx)" in told
 
 
+def test_a_folder_beside_shapenets_is_named_where_it_is_not_looked_at(tmp_path):
+    make_folder(tmp_path / "source", {
+        f"{MUG}/{V1}": obj(), f"{BOTTLE}/{V1}": obj(2), "04379243/x/model.obj": obj(3),
+        "my cups/a.obj": obj(4), ".git/b.obj": obj(5), "taxonomy.json": b"[]",
+    })  # fmt: skip
+    for classes, categories, told in (
+        (None, {"mug", "bottle"}, "(my cups)"),
+        ({"cup": "my cups"}, {"cup"}, ""),
+    ):
+        said: list[str] = []
+        settings = MeshSettings(classes=classes, location=str(tmp_path / "source"))
+        meshes = collect_meshes(settings, UPath(tmp_path / "root"), tmp_path / "cache", said.append)
+        assert set(meshes["category"]) == categories
+        about = "".join(sentence for sentence in said if "taken for ShapeNet" in sentence)
+        assert told in about and bool(told) == bool(about)
+
+
 def test_a_loose_mesh_makes_one_class_of_all_and_that_is_told(tmp_path):
     make_folder(tmp_path / "source", {"mug/a.obj": obj(), "cup/b.obj": obj(2), "c.obj": obj(3)})
     said: list[str] = []
