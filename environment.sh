@@ -20,6 +20,11 @@ fi
 if [ -n "${TACTILE_HOME:-}" ]; then
     export TACTILE_HOME="$_tactile_home"
 fi
+# So is a relative store, which would be another folder wherever a command is called.
+case "${TACTILE_STORE:-}" in
+    "" | /* | "~"* | *://*) ;;
+    *) export TACTILE_STORE="$PWD/$TACTILE_STORE" ;;
+esac
 export DAGSTER_HOME="$_tactile_home/dagster"
 mkdir -p "$DAGSTER_HOME" || return 1
 # A dagster.yaml or a link of your own in DAGSTER_HOME stays; a link to ours, of whichever checkout, or

@@ -1,6 +1,7 @@
 """Whether another run would make anything new; `make run` asks before it begins one."""
 
 import sys
+from typing import Any, cast
 
 import dagster as dg
 
@@ -50,9 +51,10 @@ def reason_to_run(instance: dg.DagsterInstance, store: Store) -> str:
 
 
 def configured(instance: dg.DagsterInstance, asset: str) -> bool:
-    """Whether an asset's last materialisation had a run configuration of its own."""
+    """Whether an asset's last materialisation had a run configuration of its own; of others, which
+    the run did not make, it may have had one."""
     run = instance.get_run_by_id(latest(instance, asset)[0])
-    return run is None or bool(run.run_config)
+    return run is None or asset in dict(cast(Any, run.run_config)).get("ops", {})
 
 
 def what_is_stored(instance: dg.DagsterInstance, store: Store, assets: list[str]) -> str:

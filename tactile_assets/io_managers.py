@@ -114,7 +114,8 @@ class Steps(dg.UPathIOManager):
         except OutOfReachError:
             raise
         except (OSError, ValueError) as error:
-            raise TactileError(f"{path} is damaged: materialise policies again") from error
+            state = "missing" if isinstance(error, FileNotFoundError) else "damaged"
+            raise TactileError(f"{path} is {state}: materialise policies again") from error
 
     def get_op_output_relative_path(self, context: dg.InputContext | dg.OutputContext) -> UPath:
         """By run, step and output; a step's brackets would be a pattern to some file systems."""

@@ -20,6 +20,8 @@ from tactile_core.files import written_whole
 
 VARIABLE = "TACTILE_WEBHOOK"
 FOLDER = "messages"  # in the home
+NO_ADDRESS = (requests.exceptions.MissingSchema, requests.exceptions.InvalidSchema,
+              requests.exceptions.InvalidURL)  # fmt: skip
 LONGEST = 3000  # letters of a message: longer ones are refused here and there, now and later
 
 
@@ -60,7 +62,7 @@ def failed_checks(context: dg.RunStatusSensorContext) -> dg.SkipReason | None:
     description=f"Tells the webhook that {VARIABLE} names what is to be told, until it takes it.",
 )
 def messages(context: dg.SensorEvaluationContext) -> dg.SkipReason:
-    """The only one that sends, so that nothing is sent twice."""
+    """The only one that sends what is kept, so that nothing is sent twice."""
     address, waiting = os.environ.get(VARIABLE), kept()
     if not (address and waiting):
         return dg.SkipReason("there is nothing to tell, or nobody")
@@ -80,15 +82,20 @@ def failed_verdicts(instance: dg.DagsterInstance, run_id: str) -> list[str]:
 
 
 def keep(run: dg.DagsterRun, became: str, lines: Sequence[str]) -> dg.SkipReason | None:
-    """Keep for `messages` what became of a run, and why; it is sent as Slack's JSON, which
-    Mattermost and others take too."""
-    if not os.environ.get(VARIABLE):
+    """Keep for `messages` what became of a run, and why, or tell it at once where nothing can be
+    kept; it is sent as Slack's JSON, which Mattermost and others take too."""
+    address = os.environ.get(VARIABLE)
+    if not address:
         return dg.SkipReason(f"{VARIABLE} names no webhook")
     what = "a run of some assets" if run.job_name.startswith("__") else run.job_name
     head = f"Tactile exploration: {what} {became} on {socket.gethostname()} (run {run.run_id})"
     text = "\n".join([head, *lines])
-    with written_whole(folder() / f"{run.run_id}.txt") as file:
-        file.write((text if len(text) <= LONGEST else f"{text[:LONGEST]} …").encode())
+    text = text if len(text) <= LONGEST else f"{text[:LONGEST]} …"
+    try:
+        with written_whole(folder() / f"{run.run_id}.txt") as file:
+            file.write(text.encode())
+    except (OSError, TactileError):  # where the disk is full, runs fail
+        send(address, text)
     return None
 
 
@@ -128,6 +135,10 @@ def send(address: str, text: str) -> None:
         # Led elsewhere, what is posted would be asked for instead, and any page be an answer.
         answer = requests.post(address, json={"text": text}, timeout=10, allow_redirects=False)
         status, said = answer.status_code, f"status {answer.status_code}"
+    except NO_ADDRESS as error:
+        raise TactileError(
+            f"{VARIABLE} holds no address of a webhook ({type(error).__name__}): correct it"
+        ) from None
     except requests.RequestException as error:
         said = type(error).__name__
     if status == 429 or status >= 500 or not status:

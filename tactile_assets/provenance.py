@@ -1,9 +1,9 @@
 """How a result was made: noted with the evaluations while they are made, for `publish` to read."""
 
+import contextlib
 import os
 import platform
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import dagster as dg
@@ -51,14 +51,26 @@ def how_made(instance: dg.DagsterInstance, asset: str) -> dict[str, Any]:
     return dict(made)
 
 
-@contextmanager
+@contextlib.contextmanager
 def own_instance() -> Iterator[dg.DagsterInstance]:
-    """The Dagster instance of the home; raises `TactileError` where its records fail the block."""
+    """The Dagster instance of the home; raises `TactileError` where its records cannot be opened,
+    or fail the block."""
     home = os.environ.get("DAGSTER_HOME")
     if not home:
         raise TactileError("DAGSTER_HOME is not set: activate the environment first")
     try:
-        with dg.DagsterInstance.get() as instance:
+        with contextlib.ExitStack() as stack:
+            try:
+                instance = stack.enter_context(dg.DagsterInstance.get())
+            except DatabaseError:
+                raise
+            except Exception as error:  # of dagster.yaml, or of what it names, which has its own
+                wrong = getattr(error, "errors", None)  # of a configuration that is not valid
+                cause = ValueError(wrong[0].message) if wrong else error.__cause__ or error
+                raise TactileError(
+                    f"Dagster's records cannot be opened as {home}/dagster.yaml has it "
+                    f"({one_line(cause)}): correct it or its variables, or let its server answer"
+                ) from error
             yield instance
     except DatabaseError as error:  # of a full disk, a damaged file or a server that is down
         said = one_line(error.orig or error)

@@ -18,7 +18,9 @@ from tactile_assets.dagster_internals import checking_runs, run_files
 from tactile_assets.provenance import own_instance
 from tactile_assets.resources import Store
 from tactile_assets.runs import FINISHED, is_over
+from tactile_core.addresses import one_line
 from tactile_core.claims import claimed
+from tactile_core.errors import TactileError
 from tactile_core.files import in_reach
 from tactile_core.processes import Worker
 from tactile_core.settings import PruneSettings
@@ -153,7 +155,7 @@ def children(folder: UPath) -> list[UPath]:
 
 
 def report(found: list[Old], settings: PruneSettings) -> Iterator[str]:
-    """A line for each thing that may go, and one for all."""
+    """A line for each thing that goes, or may, and one for all."""
     for old in found:
         yield f"{old.kind:8} {old.name:40} {old.size / 1e6:10.2f} MB"
     done = "would be removed" if settings.dry_run else "removed"
@@ -163,13 +165,24 @@ def report(found: list[Old], settings: PruneSettings) -> Iterator[str]:
 def prune(
     instance: dg.DagsterInstance, store: Store, settings: PruneSettings, say: Callable[[str], Any]
 ) -> None:
-    """Remove what is old, or with `dry_run` only say what that would be."""
-    found = find_old(instance, store, settings)
-    if not settings.dry_run:
-        for old in found:
+    """Remove what is old, or with `dry_run` only say what that would be.
+
+    Raises `TactileError` where something stays that may not be removed, when all else is.
+    """
+    found, stays = find_old(instance, store, settings), {}
+    for old in [] if settings.dry_run else found:
+        try:
             old.remove()
-    for line in report(found, settings):
+        except (OSError, TactileError) as error:
+            stays[old] = one_line(error)
+    for line in report([old for old in found if old not in stays], settings):
         say(line)
+    if stays:
+        old, why = next(iter(stays.items()))
+        raise TactileError(
+            f"{len(stays)} things could not be removed, as the {old.kind} {old.name} ({why}): "
+            "remove them as the user that they belong to"
+        )
 
 
 def main(settings: PruneSettings) -> None:

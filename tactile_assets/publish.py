@@ -221,7 +221,7 @@ def with_results(readme: str, results: str) -> str:
 
 def main(name: str | None, note: str | None) -> None:
     """Publish the last run as `name`, if any, and write the pages of all that are published."""
-    if name:
+    if name is not None:
         publish(name, note)
     for run in sorted(RESULTS.glob(f"*/{RUN}")):
         draw_curves(run.parent)

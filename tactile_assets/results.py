@@ -46,7 +46,8 @@ def main() -> None:
     if "real_per_step" in evaluations:
         samples += f", {evaluations['real_per_step']['sample_id'].nunique()} real ones"
     print(
-        f"Profile {made['per_step']['profile']}, {samples}; ± is half a 95 % interval over models."
+        f"Profile {made['per_step']['profile']}, {samples}; ± is half a 95 % interval over "
+        "training seeds and models."
     )
     print(f"Tables:   {store.path()}/*.parquet")
     print(f"Figures:  {store.path('figures')}")

@@ -24,8 +24,10 @@ from tactile_core.spread import on_cluster
 
 LOCATION, DEFINITIONS = "tactile-exploration", "tactile_assets.definitions"  # see workspace.yaml
 
-# Tags of a run: its process, as `Worker` has it.
+# Tags of a run: its process, as `Worker` has it, and its id, as a run that is executed again in the
+# UI begins with all tags of the one before.
 HOST, PID, SINCE, MARK = "tactile/host", "tactile/pid", "tactile/since", "tactile/process"
+OF = "tactile/run"
 FINISHED = [DagsterRunStatus.SUCCESS, DagsterRunStatus.FAILURE, DagsterRunStatus.CANCELED]
 UNFINISHED = [DagsterRunStatus.STARTING, DagsterRunStatus.STARTED, DagsterRunStatus.CANCELING]
 
@@ -49,8 +51,14 @@ class OneAtATime(dg.Executor):
         instance, run, log = plan_context.instance, plan_context.dagster_run, plan_context.log
         worker = Worker.here()
         # Before anything is waited for: of a run that is killed without them nobody knows that.
-        instance.add_run_tags(run.run_id, tags_of(worker))
+        instance.add_run_tags(run.run_id, tags_of(worker, run.run_id))
         count_as_run_of(LOCATION, DEFINITIONS, instance, run.run_id)
+        made = {key.partition(".")[0] for key in execution_plan.step_keys_to_execute}
+        if run.parent_run_id is None and (idle := run.run_config.get("ops", {}).keys() - made):
+            log.warning(
+                f"The configuration of {', '.join(sorted(idle))} has no effect: this run makes "
+                "only what was selected"
+            )
         if on_cluster():
             from tactile_core.cluster import joined
 
@@ -82,16 +90,16 @@ def one_at_a_time(executor: dg.ExecutorDefinition, store: Store) -> dg.ExecutorD
     )
 
 
-def tags_of(worker: Worker) -> dict[str, str]:
+def tags_of(worker: Worker, run_id: str) -> dict[str, str]:
     """The process of a run as the run's tags."""
     host, pid, started, mark = worker
-    return {HOST: host, PID: str(pid), SINCE: repr(started), MARK: mark}
+    return {HOST: host, PID: str(pid), SINCE: repr(started), MARK: mark, OF: run_id}
 
 
 def worker_of(run: dg.DagsterRun) -> Worker | None:
     """The process that said in the run's tags that it works on it; None before it did."""
     tags = run.tags
-    if not {HOST, PID, SINCE} <= tags.keys():
+    if not {HOST, PID, SINCE} <= tags.keys() or tags.get(OF) != run.run_id:
         return None
     return Worker(tags[HOST], int(tags[PID]), float(tags[SINCE]), tags.get(MARK, ""))
 
@@ -102,7 +110,7 @@ def end_dead_runs(instance: dg.DagsterInstance) -> list[str]:
     sentences = []
     for run in instance.get_runs(dg.RunsFilter(statuses=UNFINISHED)):
         worker = worker_of(run)
-        if worker is None or not worker.is_gone():
+        if worker is None or not worker.is_gone() or is_over(instance, run.run_id):
             continue
         sentence = f"{worker}, is gone without a word; a new run goes on with what it left"
         if run.status == DagsterRunStatus.CANCELING:
@@ -119,13 +127,22 @@ def clear_up(store: Store, instance: dg.DagsterInstance, run: dg.DagsterRun) -> 
     sentence, if there was anything. The home and the store must be claimed."""
     parts = sum(map(remove_parts, store.local_folders()))
     rays = remove_dead_rays()
-    kept = {run.run_id, run.parent_run_id, run.root_run_id}
+    kept = set(line_of(instance, run))
     steps = [left for left in store.stored_steps() - kept if is_over(instance, left)]
     for left in steps:
         store.forget_steps(left)
     found = {"half-written files": parts, "local Rays": rays, "runs' steps": len(steps)}
     words = ", ".join(f"{number} {what}" for what, number in found.items() if number)
     return [f"removed what killed runs left behind: {words}"] if words else []
+
+
+def line_of(instance: dg.DagsterInstance, run: dg.DagsterRun) -> Iterator[str]:
+    """The run and those before it that it goes on from: each may have made some of its steps."""
+    before: dg.DagsterRun | None = run
+    while before is not None:
+        yield before.run_id
+        parent = before.parent_run_id
+        before = instance.get_run_by_id(parent) if parent else None
 
 
 def is_over(instance: dg.DagsterInstance, run_id: str) -> bool:

@@ -52,18 +52,27 @@ def home_named(environ: Mapping[str, str] = os.environ) -> Path:
 
 
 def remembered_profile(environ: Mapping[str, str] = os.environ) -> str | None:
-    """The name of the profile that the last run in this home had; None where there was no run."""
+    """The name of the profile that the last run in this home had; None where there was no run.
+
+    Raises `TactileError` where it cannot be read: all would be made anew with another.
+    """
+    file = home_named(environ) / LAST_PROFILE
     try:
-        return (home_named(environ) / LAST_PROFILE).read_text().strip() or None
-    except (OSError, UnicodeDecodeError):
+        return file.read_text().strip() or None
+    except (FileNotFoundError, NotADirectoryError):
         return None
+    except (OSError, UnicodeDecodeError) as error:
+        raise TactileError(
+            f"{file}, the profile of the last run, cannot be read ({error}): mend or remove it, or "
+            "let TACTILE_PROFILE name a profile"
+        ) from error
 
 
 def find_artifacts(environ: Mapping[str, str] = os.environ) -> str:
     """Folder or fsspec URL that holds what the assets store: `TACTILE_STORE`, else in the home.
 
-    Raises `TactileError` where it is no address, or holds a password, which every message about a
-    file would show.
+    Raises `TactileError` where it is no address, holds a password, which every message about a
+    file would show, is the home itself, or would be another folder in every working directory.
     """
     store = environ.get("TACTILE_STORE")
     if store and holds_secret(checked(store)):
@@ -73,7 +82,20 @@ def find_artifacts(environ: Mapping[str, str] = os.environ) -> str:
             "and shown with the name of every file: leave it out, and give it in the environment "
             f"as fsspec reads it (FSSPEC_{scheme}_PASSWORD, FSSPEC_S3_SECRET, AWS_… and so on)"
         )
-    return expanded(store) if store else f"{find_home(environ)}/artifacts"
+    if not store:
+        return f"{find_home(environ)}/artifacts"
+    place = expanded(store)
+    if "://" not in place:
+        if not Path(place).is_absolute():
+            raise TactileError(
+                f"TACTILE_STORE={store} is another folder wherever a command is called: give its "
+                "whole path, or activate the environment again (. .venv/bin/activate)"
+            )
+        if Path(place).resolve() == home_named(environ).resolve():
+            raise TactileError(
+                f"TACTILE_STORE={store} is the home itself: name a folder in it, or another"
+            )
+    return place
 
 
 def expanded(path: str) -> str:

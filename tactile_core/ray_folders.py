@@ -36,11 +36,12 @@ def short_folder() -> Path:
 
 def remove_dead_rays() -> int:
     """Remove the folders of local Rays whose drivers are gone, with the processes that outlived
-    them; how many they were."""
+    them; how many they were. What is only called so, and holds no session of Ray's, stays."""
     dead = []
     for folder in short_folder().glob("ray-*"):
         driver = NAME.fullmatch(folder.name)
-        if driver and not psutil.pid_exists(int(driver[1])) and os.access(folder, os.W_OK):
+        gone = driver and not psutil.pid_exists(int(driver[1]))
+        if gone and os.access(folder, os.W_OK) and any(folder.glob("session_*")):
             dead.append(folder)
     for folder in dead:
         remove_ray(folder)

@@ -25,6 +25,7 @@ LONGEST_SIDE = 2048  # larger pictures are made so small first
 FEWEST_GREYS = 32  # between light and dark; less is paper, or what JPEG makes of one colour
 SPECK = 0.01  # a piece of so small a share of the largest one is dust
 HALF = 128  # of 255
+MIXED = (0.2, 0.8)  # shares of a border that is dark which tell nothing of the background
 
 
 class Drawing(NamedTuple):
@@ -124,7 +125,13 @@ def shape_in(picture: Image.Image) -> tuple[np.ndarray, str]:
         raise TactileError(f"is {colour} all over: there is no shape in it")
     threshold = int(threshold_otsu(grey))
     dark = grey <= threshold
-    if at_border(dark).mean() < 0.5:
+    at_edges = float(at_border(dark).mean())
+    if MIXED[0] < at_edges < MIXED[1]:
+        raise TactileError(
+            f"is dark along {at_edges:.0%} of its border: its shape cannot be told from what "
+            "is around it: leave a margin around the shape"
+        )
+    if at_edges < 0.5:
         return dark, f"what is dark taken for the shape (grey {threshold} of 255, or darker)"
     return ~dark, f"what is light taken for the shape (lighter than grey {threshold} of 255)"
 

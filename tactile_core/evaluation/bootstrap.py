@@ -116,12 +116,17 @@ def probability_of_improvement(
 ) -> np.ndarray:
     """How likely a run of `policy` beats a run of `bar` on a sample, ties counting half.
 
-    `scores` holds (S, N) of each policy. One value for each weighting, (1 + B,); NaN where
-    `bar` is absent or the policy itself.
+    `scores` holds (S, N) of each policy. Where both have several seeds, these are of U-Nets, and
+    runs with the same one are compared; else every run of one with every run of the other. One
+    value for each weighting, (1 + B,); NaN where `bar` is absent or the policy itself.
     """
     if bar not in scores or bar == policy:
         return np.full(len(weights.samples), np.nan)
-    ours, theirs = scores[policy][:, None], scores[bar][None]
+    ours, theirs = scores[policy], scores[bar]
+    if len(ours) == len(theirs) > 1:
+        beats = (ours > theirs) + 0.5 * (ours == theirs)  # (S, N)
+        return weighted_means(beats[..., None], weights.samples, weights.seeds[policy])[:, 0]
+    ours, theirs = ours[:, None], theirs[None]
     beats = (ours > theirs) + 0.5 * (ours == theirs)  # (S, S', N)
     totals = np.einsum("bn,stn->bst", weights.samples, beats, optimize=True)
     seeds, bar_seeds = weights.seeds[policy], weights.seeds[bar]

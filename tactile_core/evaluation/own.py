@@ -11,6 +11,7 @@ from tactile_core.dataset.shapes import Shapes, load_shapes
 from tactile_core.errors import TactileError
 from tactile_core.evaluation.of_each_unet import cast_with_each
 from tactile_core.evaluation.readings import per_grasp_reading, per_step_reading
+from tactile_core.evaluation.statistics import FIRST, LAST
 from tactile_core.evaluation.tables import PolicyResults, policy_results
 from tactile_core.evaluation.unseen import refuse_known
 from tactile_core.exploration.policies.own import FunctionPolicy, SB3Policy
@@ -81,10 +82,15 @@ def results_beside(
     """Per step and per grasp, what the run's policies and this one come to on the same samples.
 
     With each of the run's U-Nets it counts as a policy of that one's seed. Its rays are cast as far
-    as those of the run. Raises `TactileError` where the run has a policy of that name.
+    as those of the run. Raises `TactileError` where the run has a policy of that name, or tables
+    take every one of that name for a rule, an approach of the report or what can be attained.
     """
     if policy.name in set(run.rollouts["policy"]):
         raise TactileError(f"the run has a policy called {policy.name!r}: give yours another name")
+    if policy.name in {*FIRST, *LAST}:
+        raise TactileError(
+            f"{policy.name!r} stands for another policy in every table: give yours another name"
+        )
     per_step, per_grasp = profile.per_step, profile.per_grasp
     settings = profile.rollouts.model_copy(
         update={

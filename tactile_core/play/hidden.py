@@ -50,7 +50,9 @@ def drawn(drawing: Drawing, resolution: int) -> Thing:
     inside = drawing.enclosed(FINE)
     if not inside.any():
         raise TactileError("There is no shape yet: draw its outline first")
-    return Thing(mask_of_picture(encode_mask(~inside), resolution).mask, "what you drew")
+    # In a margin: a line may lead beyond the picture, whose border then is not all background.
+    picture = encode_mask(np.pad(~inside, 1, constant_values=True))
+    return Thing(mask_of_picture(picture, resolution).mask, "what you drew")
 
 
 def brought(data: bytes, name: str, resolution: int) -> Thing:

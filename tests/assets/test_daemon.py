@@ -143,9 +143,10 @@ def serving(folder: Path) -> Iterator[str]:
 def dead_run(instance: dg.DagsterInstance) -> str:
     """A run that is under way, of a process that is no more."""
     with subprocess.Popen(["sleep", "60"]) as process:
-        tags = tags_of(Worker.of(process.pid))
+        worker = Worker.of(process.pid)
         process.kill()
-    run = instance.create_run_for_job(nothing, status=DagsterRunStatus.STARTED, tags=tags)
+    run = instance.create_run_for_job(nothing, status=DagsterRunStatus.STARTED)
+    instance.add_run_tags(run.run_id, tags_of(worker, run.run_id))
     return run.run_id
 
 

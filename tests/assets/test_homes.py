@@ -49,6 +49,13 @@ def test_a_home_named_after_activation_is_refused_and_nothing_is_written_there(t
     assert runs_recorded(tmp_path / "later") == 1
 
 
+def test_a_relative_store_is_one_wherever_a_command_is_called(tmp_path):
+    done = shell('cd /tmp && echo "$TACTILE_STORE"', tmp_path / "home", TACTILE_STORE="a store")
+    assert done.stdout.strip() == f"{REPOSITORY}/a store"
+    later = shell(f"export TACTILE_STORE=later && {MESHES}", tmp_path / "home")
+    assert later.returncode != 0 and "give its whole path" in later.stderr.splitlines()[-1]
+
+
 def test_a_home_of_any_usual_name_works_and_leaves_nothing_beside_it(tmp_path):
     name = "sp ace, #1 50% off [1]{a}:b 日本 'quoted'"
     done = shell("dg launch --assets shapenet_meshes", tmp_path / name)

@@ -11,6 +11,7 @@ import pytest
 from tactile_assets import notify
 from tactile_core.errors import OutOfReachError, TactileError
 from tests.assets.running import Platform
+from tests.disks import small_disk
 
 
 class Webhook(ThreadingHTTPServer):
@@ -150,6 +151,25 @@ def test_a_long_message_is_cut_and_says_so(platform, webhook, monkeypatch):
     tell(platform)
     [text] = webhook.taken
     assert len(text) == 52 and text.endswith(" …")
+
+
+def test_a_failure_is_told_at_once_where_nothing_can_be_kept(platform, webhook):
+    watch = Watch(platform, notify.failed_runs)
+    run = fail(platform)
+    with small_disk(notify.folder(), kilobytes=100) as fill:
+        fill()
+        watch.tick()
+    [text] = webhook.taken
+    assert run in text
+    tell(platform)
+    assert webhook.taken == [text]
+
+
+@pytest.mark.parametrize("address", ["hooks.example/x", "ftp://hooks.example/x", "http://[/x"])
+def test_an_address_that_never_can_work_is_not_tried_again(address):
+    with pytest.raises(TactileError, match="holds no address of a webhook") as refused:
+        notify.send(address, "text")
+    assert not isinstance(refused.value, OutOfReachError) and "hooks" not in str(refused.value)
 
 
 def test_a_redirect_is_no_delivery_and_the_address_in_no_error(webhook):

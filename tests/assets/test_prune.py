@@ -7,6 +7,7 @@ import time
 import dagster as dg
 import pytest
 from dagster import DagsterRunStatus
+from fsspec.implementations.local import LocalFileSystem
 
 from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
@@ -85,6 +86,25 @@ def test_figures_stay_where_another_home_stored_an_asset_that_these_records_do_n
 def test_figures_stay_where_the_records_were_lost(aged, platform):
     lost = Platform(aged.home, platform.instance)
     assert "figure" not in {old.kind for old in find_old(lost.instance, lost.store, EVERYTHING)}
+
+
+def test_what_may_not_be_removed_keeps_nothing_else(aged, monkeypatch):
+    """As where a container ran as another user."""
+    work = aged.home / "cache" / "unet"
+    remove = LocalFileSystem.rm
+
+    def refuses(self, path, **options):
+        if str(path) == str(work):
+            raise PermissionError(13, "Permission denied", str(work))
+        remove(self, path, **options)
+
+    monkeypatch.setattr(LocalFileSystem, "rm", refuses)
+    before = {old.name for old in find_old(aged.instance, aged.store, EVERYTHING)}
+    lines: list[str] = []
+    with pytest.raises(TactileError, match=r"1 things could not .* work unet .*Permission"):
+        prune(aged.instance, aged.store, EVERYTHING, lines.append)
+    assert {line.split()[1] for line in lines[:-1]} == before - {"unet"}
+    assert [old.name for old in find_old(aged.instance, aged.store, EVERYTHING)] == ["unet"]
 
 
 def test_a_dry_run_lists_what_would_go_with_sizes_and_removes_nothing(aged):

@@ -17,6 +17,7 @@ from tactile_assets.publish import (
     RESULTS,
     command,
     draw_curves,
+    main,
     publish,
     shown_run,
     with_results,
@@ -193,7 +194,7 @@ def test_a_page_that_a_killed_command_had_put_aside_comes_back(elsewhere):
 def test_what_is_no_name_of_a_run_replaces_no_folder(elsewhere, name):
     (elsewhere / "laptop").mkdir(parents=True)
     with pytest.raises(TactileError, match="names no run: give a word"):
-        publish(name)
+        main(name, None)
     assert [folder.name for folder in elsewhere.iterdir()] == ["laptop"]
 
 

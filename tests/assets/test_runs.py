@@ -88,8 +88,8 @@ def unfinished(platform: Platform, worker: Worker, **fields: str) -> DagsterRunS
     run = platform.instance.create_run_for_job(
         nothing,
         status=fields.pop("status", DagsterRunStatus.STARTED),
-        tags={**tags_of(worker), **fields},
     )
+    platform.instance.add_run_tags(run.run_id, {**tags_of(worker, run.run_id), **fields})
     end_dead_runs(platform.instance)
     return platform.instance.get_run_by_id(run.run_id).status
 
@@ -106,6 +106,19 @@ def test_a_later_process_of_the_same_number_does_not_stand_for_the_run(platform,
     assert unfinished(platform, Worker.here()) == DagsterRunStatus.STARTED
 
 
+def test_a_run_that_is_executed_again_is_not_over_as_the_one_before_is(platform, killed):
+    """In the UI it begins with all tags of that one."""
+    instance = platform.instance
+    before = instance.create_run_for_job(nothing, status=DagsterRunStatus.FAILURE)
+    again = instance.create_run_for_job(
+        nothing, status=DagsterRunStatus.STARTING, tags=tags_of(killed, before.run_id),
+        parent_run_id=before.run_id, root_run_id=before.run_id,
+    )  # fmt: skip
+    assert end_dead_runs(instance) == []
+    instance.add_run_tags(again.run_id, tags_of(killed, again.run_id))
+    assert len(end_dead_runs(instance)) == 1
+
+
 def test_nothing_is_known_of_the_processes_of_other_machines(platform, killed):
     elsewhere = {HOST: "another.example"}
     assert unfinished(platform, killed, **elsewhere) == DagsterRunStatus.STARTED
@@ -113,16 +126,21 @@ def test_nothing_is_known_of_the_processes_of_other_machines(platform, killed):
 
 def test_what_killed_runs_left_is_removed_but_for_the_steps_that_a_run_goes_on_from(platform):
     store, instance = platform.store, platform.instance
-    failed, parent, under_way = (
+    over = DagsterRunStatus.FAILURE
+    failed, root, under_way = (
         instance.create_run_for_job(nothing, status=status)
-        for status in (
-            DagsterRunStatus.FAILURE, DagsterRunStatus.FAILURE, DagsterRunStatus.STARTED
-        )
-    )  # fmt: skip
-    again = instance.create_run_for_job(
-        nothing, parent_run_id=parent.run_id, root_run_id=parent.run_id
+        for status in (over, over, DagsterRunStatus.STARTED)
     )
-    for run in (failed, parent, under_way):
+
+    def after(run: dg.DagsterRun) -> dg.DagsterRun:
+        return instance.create_run_for_job(
+            nothing, status=over, parent_run_id=run.run_id, root_run_id=root.run_id
+        )
+
+    between = after(root)
+    parent = after(between)
+    again = after(parent)
+    for run in (failed, root, between, parent, under_way):
         with written_whole(store.path("steps", run.run_id, "plan.json")) as file:
             file.write(b"{}")
     half = platform.home / "cache" / "unet" / f".{'0' * 32}.part"
@@ -130,5 +148,6 @@ def test_what_killed_runs_left_is_removed_but_for_the_steps_that_a_run_goes_on_f
     half.write_text("")
     [said] = clear_up(store, instance, again)
     assert "1 half-written files, " in said and "1 runs' steps" in said
-    assert store.stored_steps() == {parent.run_id, under_way.run_id}
+    line = {root.run_id, between.run_id, parent.run_id}
+    assert store.stored_steps() == {*line, under_way.run_id}
     assert not half.exists()

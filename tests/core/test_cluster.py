@@ -1,10 +1,12 @@
 """Ray asks strangers for a token, and a cluster that is not there is told in a sentence."""
 
+import shutil
 import socket
 import stat
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import psutil
 import pytest
@@ -171,6 +173,20 @@ def test_a_killed_driver_leaves_no_folder_and_no_process(tmp_path):
     assert not folder.exists()
     psutil.wait_procs([psutil.Process(worker)] if psutil.pid_exists(worker) else [], timeout=60)
     assert not psutil.pid_exists(worker)
+
+
+def test_a_folder_that_is_only_called_as_a_ray_s_stays(tmp_path, monkeypatch):
+    monkeypatch.setenv("RAY_TMPDIR", "/tmp")
+    with subprocess.Popen(["true"]) as gone:
+        pass
+    folder = Path("/tmp", f"ray-{gone.pid}")
+    folder.mkdir()
+    (folder / "thesis.tex").write_text("")
+    try:
+        remove_dead_rays()
+        assert (folder / "thesis.tex").exists()
+    finally:
+        shutil.rmtree(folder)
 
 
 # Ray ends its workers and their children, but not the children's own.

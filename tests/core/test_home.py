@@ -5,7 +5,14 @@ import os
 import pytest
 
 from tactile_core.errors import TactileError
-from tactile_core.home import check_one_home, default_home, find_artifacts, find_home
+from tactile_core.home import (
+    check_one_home,
+    default_home,
+    find_artifacts,
+    find_home,
+    remembered_profile,
+)
+from tactile_core.profiles import active_profile
 
 
 def test_a_home_that_is_not_there_yet_is_made(tmp_path):
@@ -86,3 +93,22 @@ def test_a_store_s_password_is_no_part_of_its_address(store, tmp_path):
         assert find_artifacts({"TACTILE_STORE": plain}) == plain
     home = {"TACTILE_HOME": str(tmp_path)}
     assert find_artifacts(home) == f"{tmp_path}/artifacts"
+
+
+def test_a_store_that_is_the_home_or_another_in_every_folder_is_refused(tmp_path):
+    home = {"TACTILE_HOME": str(tmp_path)}
+    for way in (str(tmp_path), f"{tmp_path}/", f"{tmp_path}/x/.."):
+        with pytest.raises(TactileError, match="is the home itself"):
+            find_artifacts({**home, "TACTILE_STORE": way})
+    for way in ("store", "./store", "../store"):
+        with pytest.raises(TactileError, match="give its whole path"):
+            find_artifacts({**home, "TACTILE_STORE": way})
+
+
+def test_a_profile_that_cannot_be_read_is_not_taken_for_none(tmp_path):
+    home = {"TACTILE_HOME": str(tmp_path)}
+    assert remembered_profile(home) is None
+    (tmp_path / "profile").write_bytes(b"\xff")
+    with pytest.raises(TactileError, match="let TACTILE_PROFILE name a profile"):
+        remembered_profile(home)
+    assert active_profile({**home, "TACTILE_PROFILE": "smoke"}).name == "smoke"

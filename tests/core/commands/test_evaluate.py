@@ -95,6 +95,7 @@ def test_an_error_in_the_user_s_code_is_shown_with_its_traceback(evaluate, home)
             "mine returned [1, [2, 3]]: an action is",
         ),
         ("even = lambda seen, info: (1, 2)", "even", "the run has a policy called 'even'"),
+        ("observer = lambda seen, info: (1, 2)", "observer", "stands for another policy in every"),
         ("x = 1", "mine", "my_policy.py has no 'mine'"),
         ("x = 1", "x", "x is a int: give a function"),
     ],

@@ -144,6 +144,18 @@ def test_what_shows_no_shape_is_refused_in_one_sentence(data, said):
     assert "\n" not in str(refused.value)
 
 
+def test_a_shape_that_reaches_its_picture_s_border_is_not_taken_inside_out():
+    """Dark on white, and cut to its bounding box: its handle's hole would be what is felt."""
+    mug = np.zeros((40, 40), bool)
+    mug[:, :28] = True
+    mug[8:32, 28:] = True
+    mug[14:26, 28:34] = False
+    with pytest.raises(TactileError, match="leave a margin around the shape"):
+        mask_of_picture(saved(Image.fromarray(~mug)), R)
+    framed = mask_of_picture(saved(Image.fromarray(np.pad(~mug, 5, constant_values=True))), R)
+    assert "what is dark taken" in framed.said
+
+
 @settings(deadline=None, max_examples=60)
 @given(data=st.data(), kind=st.sampled_from(FORMATS[:-1]))
 def test_a_damaged_picture_is_read_or_refused_and_nothing_else(data, kind):

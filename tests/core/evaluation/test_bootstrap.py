@@ -133,6 +133,17 @@ def test_improvement_counts_pairs_of_runs_on_the_same_sample_and_ties_half():
     assert np.isnan(probability_of_improvement(scores, "own", "oracle", weights)).all()
 
 
+def test_runs_with_one_unet_are_compared_with_each_other():
+    """A policy that is a point better with every U-Net is better, however far those are apart."""
+    even = np.array([[70.0, 70.0], [75.0, 75.0], [80.0, 80.0]])
+    weights = Weights(
+        samples=np.ones((2, 2)),
+        seeds={name: np.array([[1.0, 1.0, 1.0], [2.0, 0.0, 1.0]]) for name in ("own", "even")},
+    )
+    improved = probability_of_improvement({"own": even + 1, "even": even}, "own", "even", weights)
+    assert improved.tolist() == [1, 1]
+
+
 def test_an_interval_holds_the_middle_95_percent_of_the_resamples_beside_the_value():
     value, low, high = interval(np.concatenate([[777.0], np.arange(1001.0)]))
     assert (value, low, high) == (777, 25, 975)

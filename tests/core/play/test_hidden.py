@@ -51,6 +51,18 @@ def test_what_is_drawn_is_centred_and_a_loop_within_is_a_hole():
     assert ndimage.label(~whole)[1] == 1 and ndimage.label(~hollow)[1] == 2
 
 
+@pytest.mark.parametrize("reach", [0.47, 0.5, 0.6])
+def test_a_drawing_that_leads_beyond_the_picture_is_not_turned_inside_out(reach):
+    turn = np.linspace(0, 2 * np.pi, 80)
+    first, *others = 64 * (0.5 + reach * np.stack([np.sin(turn), np.cos(turn)], axis=1))
+    drawing = Drawing(64)
+    drawing.press(tuple(first))
+    for place in others:
+        drawing.move(tuple(place))
+    mask = drawn(drawing, 64).mask
+    assert mask[32, 32] and 380 < mask.sum() < 560
+
+
 def test_a_drawing_takes_no_more_places_than_it_can_hold_and_none_while_the_pointer_is_up():
     drawing = Drawing(64)
     drawing.move((1.0, 1.0))
