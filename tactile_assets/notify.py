@@ -136,9 +136,7 @@ def send(address: str, text: str) -> None:
         answer = requests.post(address, json={"text": text}, timeout=10, allow_redirects=False)
         status, said = answer.status_code, f"status {answer.status_code}"
     except NO_ADDRESS as error:
-        raise TactileError(
-            f"{VARIABLE} holds no address of a webhook ({type(error).__name__}): correct it"
-        ) from None
+        status, said = 400, type(error).__name__
     except requests.RequestException as error:
         said = type(error).__name__
     if status == 429 or status >= 500 or not status:

@@ -128,8 +128,8 @@ def shape_in(picture: Image.Image) -> tuple[np.ndarray, str]:
     at_edges = float(at_border(dark).mean())
     if MIXED[0] < at_edges < MIXED[1]:
         raise TactileError(
-            f"is dark along {at_edges:.0%} of its border: its shape cannot be told from what "
-            "is around it: leave a margin around the shape"
+            f"is dark along {at_edges:.0%} of its border, which tells no shape from what is around "
+            "it: leave a margin around the shape"
         )
     if at_edges < 0.5:
         return dark, f"what is dark taken for the shape (grey {threshold} of 255, or darker)"
