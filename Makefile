@@ -20,7 +20,7 @@ install: $(STAMP) ## Make the virtual environment .venv with everything pinned (
 $(STAMP):
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \
 	  || { echo "Python 3.11, 3.12 or 3.13 is needed; name one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
-	@echo "Installing into .venv: about 3 GB, one to five minutes"
+	@echo "Installing into .venv: about 3 GB (7 with an NVIDIA GPU), one to five minutes"
 	@$(PYTHON) -m venv --clear .venv || { echo "No venv could be made (Debian: apt install python3-venv)"; exit 1; }
 	@[ "$$(uname -s)" != Linux ] || command -v nvidia-smi >/dev/null \
 	  || $(PIP) --no-deps --retries 0 --extra-index-url $(CPU_INDEX) torch || true  # PyPI's, where it does not answer
