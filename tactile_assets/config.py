@@ -3,6 +3,7 @@
 The profile is found once, when the definitions are loaded.
 """
 
+import contextlib
 import copy
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -48,7 +49,9 @@ def schedule_or_end(environ: Mapping[str, str] = os.environ) -> str | None:
 
 def which_profile(environ: Mapping[str, str] = os.environ) -> str:
     """Which profile is active, and why where nobody named it or the last run here had another."""
-    name, last = PROFILE.name, remembered_profile(environ)
+    name, last = PROFILE.name, None
+    with contextlib.suppress(TactileError):  # it cannot be read: a named one does not need it
+        last = remembered_profile(environ)
     if not environ.get("TACTILE_PROFILE"):
         why = "as in the last run here" if last else "as none was named"
         return f"profile {name}, {why}; TACTILE_PROFILE names another"

@@ -134,3 +134,12 @@ def test_a_home_keeps_the_profile_of_its_last_run(tmp_path):
         "profile laptop; what is here was made with smoke, and is stale until made anew\n"
     )
     assert (tmp_path / "profile").read_text() == "smoke"
+
+
+def test_a_profile_that_cannot_be_read_stops_commands_that_name_none_and_no_others(tmp_path):
+    (tmp_path / "profile").write_bytes(b"\xff")
+    without = shell(MESHES, tmp_path, TACTILE_PROFILE="")
+    assert without.returncode != 0
+    assert "let TACTILE_PROFILE name a profile" in without.stderr.splitlines()[-1]
+    assert shell(MESHES, tmp_path, TACTILE_PROFILE="smoke").returncode == 0
+    assert (tmp_path / "profile").read_text() == "smoke"
