@@ -20,7 +20,7 @@ fi
 if [ -n "${TACTILE_HOME:-}" ]; then
     export TACTILE_HOME="$_tactile_home"
 fi
-# So is a relative store, which would be another folder wherever a command is called.
+# A relative store would be another folder wherever a command is called: from here on it is one.
 case "${TACTILE_STORE:-}" in
     "" | /* | "~"* | *://*) ;;
     *) export TACTILE_STORE="$PWD/$TACTILE_STORE" ;;

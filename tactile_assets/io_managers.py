@@ -9,6 +9,7 @@ import dagster as dg
 import pandas as pd
 from upath import UPath
 
+from tactile_assets.resources import STEPS
 from tactile_assets.trainings import PlannedTraining
 from tactile_core.checksums import sealed_json, unsealed_json
 from tactile_core.errors import OutOfReachError, TactileError
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from tactile_core.reconstruction.unets import UNets as UNetsBySeed
 else:  # Dagster resolves annotations when it loads, and torch takes seconds
     TrainedUNet, UNetsBySeed = Any, dict[int, Any]
-
-
-STEPS = "steps"
 
 
 @contextmanager

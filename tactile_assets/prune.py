@@ -16,7 +16,7 @@ from upath import UPath
 from tactile_assets.config import StageConfig, defaults
 from tactile_assets.dagster_internals import checking_runs, run_files
 from tactile_assets.provenance import own_instance
-from tactile_assets.resources import Store
+from tactile_assets.resources import STEPS, Store
 from tactile_assets.runs import FINISHED, is_over
 from tactile_core.addresses import one_line
 from tactile_core.claims import claimed
@@ -46,7 +46,7 @@ def find_old(instance: dg.DagsterInstance, store: Store, settings: PruneSettings
         *old_policies(store, before),
         *old_work(store, before),
         *(
-            left("steps", store.path("steps", run))
+            left("steps", store.path(STEPS, run))
             for run in store.stored_steps()
             if is_over(instance, run)
         ),

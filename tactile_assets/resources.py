@@ -12,7 +12,7 @@ from pydantic import Field
 from upath import UPath
 
 from tactile_core.errors import OutOfReachError, TactileError
-from tactile_core.files import content_hash, is_local, stored_bytes, written_whole
+from tactile_core.files import content_hash, is_local, remove_folder, stored_bytes, written_whole
 from tactile_core.home import check_one_home, find_artifacts, find_home
 from tactile_core.parquet import read_table
 from tactile_core.spread import on_cluster
@@ -20,6 +20,7 @@ from tactile_core.spread import on_cluster
 logger = logging.getLogger(__name__)
 
 FIGURES = "figures"  # among the artifacts
+STEPS = "steps"  # among them: what the steps inside `policies` hand each other, by run
 SHOWN = re.compile(rf"\(/{FIGURES}/([^?]+)\?version=(\w+)\)")  # as `Store.picture` gives it
 
 
@@ -63,13 +64,11 @@ class Store(dg.ConfigurableResource):
 
     def forget_steps(self, run_id: str) -> None:
         """Remove what the steps inside `policies` handed each other in a run."""
-        steps = self.path("steps", run_id)
-        if steps.exists():
-            steps.fs.rm(steps.path, recursive=True)
+        remove_folder(self.path(STEPS, run_id))
 
     def stored_steps(self) -> set[str]:
         """The runs whose steps have left something for each other."""
-        steps = self.path("steps")
+        steps = self.path(STEPS)
         return {folder.name for folder in steps.iterdir()} if steps.exists() else set()
 
     def previous(self, asset: str) -> pd.DataFrame | None:

@@ -109,7 +109,8 @@ def as_rgba(picture: Image.Image) -> Image.Image:
 def shape_in(picture: Image.Image) -> tuple[np.ndarray, str]:
     """Which pixels of a picture (RGBA) are the shape, (H, W) bool, and how that was told, in words.
 
-    Raises `TactileError` where there is nothing that could be told from anything.
+    Raises `TactileError` where there is nothing that could be told from anything, or the picture's
+    border is as well shape as background.
     """
     opaque = np.asarray(picture.getchannel("A")) >= HALF
     if not opaque.any():

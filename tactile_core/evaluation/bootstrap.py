@@ -11,7 +11,8 @@ All intervals are percentile bootstraps with two sources of chance:
 
 The models and seeds drawn are the same for every policy, so ratios and comparisons are paired. The
 interquartile mean and the probability of improvement are those of rliable (Agarwal et al. 2021,
-Deep RL at the edge of the statistical precipice), with test samples in the place of its tasks.
+Deep RL at the edge of the statistical precipice), with test samples in the place of its tasks, and
+but for runs of several U-Nets, of which only those with the same one are compared.
 
 Shapes: S seeds of a policy, N test samples, B resamples. A statistic is computed for 1 + B
 weightings at once: row 0 weighs every rollout once and gives the value, the others its interval.
