@@ -6,7 +6,7 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.plain_environment import PlainEnv
@@ -18,6 +18,7 @@ from tactile_core.exploration.world.env import TactileEnv
 from tactile_core.exploration.world.rewards import diff
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
+from tactile_core.reconstruction.jaccard import THRESHOLD
 
 STAGES = {
     f"{name} stage {number}": stage
@@ -137,6 +138,7 @@ def test_without_a_render_mode_there_is_no_picture(shapes, reconstructor):
 @pytest.mark.parametrize("name", STAGES)
 @settings(deadline=None, max_examples=6)
 @given(seed=seeds)
+@example(seed=117835)
 def test_the_batched_environment_is_a_plain_one_step_for_step(
     shapes, either_reconstructor, name, seed
 ):
@@ -151,14 +153,17 @@ def test_the_batched_environment_is_a_plain_one_step_for_step(
         observation, _ = single.reset(seed=seed + index)
         assert_seen_alike(observations[index], observation)
     rng = np.random.default_rng(seed)
-    returns = np.zeros(ENVIRONMENTS)
+    returns, slack = np.zeros(ENVIRONMENTS), np.zeros(ENVIRONMENTS)
     for _ in range(20):
         actions = np.stack([some_action(rng) for _ in singles])
         observations, rewards, dones, infos = batch.step(actions)
         for index, single in enumerate(singles):
+            before = undecided(single)
             observation, reward, terminated, truncated, info = single.step(actions[index])
+            now = undecided(single)
             returns[index] += reward
-            assert rewards[index] == pytest.approx(reward, abs=1e-2)
+            slack[index] += 1e-2 + before + now
+            assert rewards[index] == pytest.approx(reward, abs=1e-2 + before + now)
             assert dones[index] == (terminated or truncated)
             if not dones[index]:
                 assert_seen_alike(observations[index], observation)
@@ -167,11 +172,18 @@ def test_the_batched_environment_is_a_plain_one_step_for_step(
             assert_seen_alike(ended["terminal_observation"], observation)
             assert ended["TimeLimit.truncated"] == truncated
             assert ended["episode"]["l"] == single.rays
-            assert ended["episode"]["r"] == pytest.approx(returns[index], abs=0.1)
-            assert ended["jaccard"] == pytest.approx(info["jaccard"], abs=1e-2)
+            assert ended["episode"]["r"] == pytest.approx(returns[index], abs=slack[index])
+            assert ended["jaccard"] == pytest.approx(info["jaccard"], abs=1e-2 + now)
             assert ended["held"] == single.touches.sum()
-            returns[index] = 0
+            returns[index] = slack[index] = 0
             assert_seen_alike(observations[index], single.reset()[0])
+
+
+def undecided(single: PlainEnv) -> float:
+    """Points of the Jaccard index that the rounding of a grey level may decide: those of pixels
+    that are next to the threshold. Three images at once are not rounded as one is."""
+    near = np.abs(single.prediction - THRESHOLD) < 1 / 255
+    return 100 * np.count_nonzero(near) / np.count_nonzero(single.mask)
 
 
 def assert_seen_alike(one: np.ndarray, other: np.ndarray) -> None:
