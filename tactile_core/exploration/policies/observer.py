@@ -10,7 +10,7 @@ import functools
 import numpy as np
 
 from tactile_core.exploration.policies.base import weights_version
-from tactile_core.exploration.policies.recall import try_rays
+from tactile_core.exploration.policies.recall import all_felt, try_rays
 from tactile_core.exploration.policies.scorer import RayScorer, best_rays_apart
 from tactile_core.exploration.world.rays import RAYS, candidate_rays
 from tactile_core.exploration.world.state import Explorations
@@ -94,5 +94,4 @@ class IdealObserver:
 
     def drawn(self, explorations: Explorations, count: int, rng: np.random.Generator) -> np.ndarray:
         """So many shapes of the belief for each exploration, (N, count, R, R) bool."""
-        felt = explorations.touches.astype(np.int8) - explorations.free.astype(np.int8)
-        return self.belief.draw(felt, count, rng)
+        return self.belief.draw(all_felt(explorations), count, rng)

@@ -7,8 +7,10 @@ them. Rays are tried on each as the oracle tries them on the true shape.
 """
 
 import functools
+import itertools
 
 import numpy as np
+import torch
 
 from tactile_core.exploration.policies.base import weights_version
 from tactile_core.exploration.policies.bending import bend
@@ -16,11 +18,13 @@ from tactile_core.exploration.policies.scorer import RayScorer, best_rays_apart
 from tactile_core.exploration.world.rays import cast_rays
 from tactile_core.exploration.world.state import Explorations
 from tactile_core.files import content_hash
-from tactile_core.reconstruction.jaccard import jaccard_index
+from tactile_core.reconstruction.jaccard import THRESHOLD
 from tactile_core.reconstruction.known_shapes import KnownShapes, pack, unpack
 
-TRIED = 16  # rays that `recall` tries: of every other candidate those of highest value
-RECALLED = 12  # known shapes that it tries each of them on
+# How many rays, of every other candidate those of highest value, are tried on how many known
+# shapes: for the first ray of an exploration, the second, the third, and each further one. As long
+# as little was felt very different shapes agree with it, and a few say little of the best ray.
+TRIED_ON = ((32, 1024), (32, 256), (16, 64), (16, 48))
 # What is bent afterwards may disagree more than what the U-Net is shown: errors in pixels, as
 # `known_shapes.SPREAD` and `FARTHEST` are.
 SPREAD, FARTHEST = 1.0, 4.0
@@ -48,17 +52,43 @@ class RecallPolicy:
     def choose(
         self, explorations: Explorations, rng: np.random.Generator, deterministic: bool
     ) -> np.ndarray:
-        portion = max(1, PIXELS_AT_A_TIME // (TRIED * RECALLED * explorations.resolution**2))
-        chosen = []
-        for start in range(0, len(explorations), portion):
-            indices = np.arange(start, min(start + portion, len(explorations)))
-            some = explorations.select(indices)
-            rays = best_rays_apart(self.net, some, TRIED)
-            felt = some.touches.astype(np.int8) - some.free.astype(np.int8)
-            recalled = bend(self.known.draw(felt, RECALLED, rng), felt)
-            expected = try_rays(some, rays, recalled).mean(axis=2)
-            chosen.append(rays[np.arange(len(rays)), expected.argmax(axis=1)])
-        return np.concatenate(chosen)
+        first, same = distinct(explorations)
+        chosen = np.empty((len(first), 2), int)
+        numbers = np.minimum(explorations.rays[first], len(TRIED_ON) - 1)
+        for number in np.unique(numbers):
+            tried, recalled = TRIED_ON[number]
+            places = np.flatnonzero(numbers == number)
+            portion = max(1, PIXELS_AT_A_TIME // (tried * recalled * explorations.resolution**2))
+            for start in range(0, len(places), portion):
+                some = places[start : start + portion]
+                alike = explorations.select(first[some])
+                chosen[some] = self.best_tried(alike, tried, recalled, rng)
+        return chosen[same]
+
+    def best_tried(
+        self, explorations: Explorations, tried: int, recalled: int, rng: np.random.Generator
+    ) -> np.ndarray:
+        """The best of `tried` rays on average over `recalled` shapes, (N, 2) int."""
+        rays = best_rays_apart(self.net, explorations, tried)
+        felt = all_felt(explorations)
+        shapes = bend(self.known.draw(felt, recalled, rng), felt)
+        expected = try_rays(explorations, rays, shapes).mean(axis=2)
+        return rays[np.arange(len(rays)), expected.argmax(axis=1)]
+
+
+def all_felt(explorations: Explorations) -> np.ndarray:
+    """1 at a touch, −1 where a ray has passed, (N, R, R) int8, also where the U-Net sees no more
+    than touches."""
+    return explorations.touches.astype(np.int8) - explorations.free.astype(np.int8)
+
+
+def distinct(explorations: Explorations) -> tuple[np.ndarray, np.ndarray]:
+    """Of N explorations the first of each number of rays and all that was felt, (n,) int, and to
+    which of those each of the N is equal, (N,) int."""
+    seen: dict[tuple[int, bytes], int] = {}
+    states = zip(explorations.rays, all_felt(explorations), strict=True)
+    same = np.array([seen.setdefault((int(n), felt.tobytes()), len(seen)) for n, felt in states])
+    return np.unique(same, return_index=True)[1], same
 
 
 @functools.lru_cache(maxsize=1)
@@ -89,5 +119,20 @@ def try_rays(explorations: Explorations, rays: np.ndarray, shapes: np.ndarray) -
     _, first, same = np.unique(ends, axis=1, return_index=True, return_inverse=True)
     felt = explorations.felt_after(owners[first], cast[first], hits[first])
     predictions = explorations.reconstructor.predict(felt)
-    scores = jaccard_index(predictions[same], whole[what])
+    scores = np.empty(len(what), np.float32)
+    # Each exploration's predictions beside its shapes: few of the first serve many of the second.
+    begins = np.searchsorted(owners[first], np.arange(len(rays) + 1))
+    for owner, (begin, end) in enumerate(itertools.pairwise(begins)):
+        of = owners == owner
+        table = jaccard_of_each(predictions[begin:end], shapes[owner])
+        scores[of] = table[same[of] - begin, which_shape[of]]
     return scores.reshape(*rays.shape[:2], each)
+
+
+def jaccard_of_each(predictions: np.ndarray, masks: np.ndarray) -> np.ndarray:
+    """`jaccard_index` of each of U predictions (U, R, R) with each of M masks (M, R, R), (U, M)."""
+    predicted = torch.from_numpy(predictions > THRESHOLD).flatten(1).float()
+    inside = torch.from_numpy(masks).flatten(1).float()
+    overlap = (predicted @ inside.T).numpy().astype(int)  # of pixels: whole numbers, so exact
+    union = np.add.outer(predicted.sum(dim=1).numpy(), inside.sum(dim=1).numpy()) - overlap
+    return np.where(union == 0, 100.0, 100.0 * overlap / np.maximum(union, 1)).astype(np.float32)
