@@ -87,7 +87,9 @@ def distinct(explorations: Explorations) -> tuple[np.ndarray, np.ndarray]:
     which of those each of the N is equal, (N,) int."""
     seen: dict[tuple[int, bytes], int] = {}
     states = zip(explorations.rays, all_felt(explorations), strict=True)
-    same = np.array([seen.setdefault((int(n), felt.tobytes()), len(seen)) for n, felt in states])
+    same = np.array(
+        [seen.setdefault((int(n), felt.tobytes()), len(seen)) for n, felt in states], int
+    )
     return np.unique(same, return_index=True)[1], same
 
 
