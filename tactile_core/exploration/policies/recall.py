@@ -121,14 +121,14 @@ def try_rays(explorations: Explorations, rays: np.ndarray, shapes: np.ndarray) -
     _, first, same = np.unique(ends, axis=1, return_index=True, return_inverse=True)
     felt = explorations.felt_after(owners[first], cast[first], hits[first])
     predictions = explorations.reconstructor.predict(felt)
-    scores = np.empty(len(what), np.float32)
     # Each exploration's predictions beside its shapes: few of the first serve many of the second.
     begins = np.searchsorted(owners[first], np.arange(len(rays) + 1))
+    asked = same.reshape(*rays.shape[:2], each) - begins[:-1, None, None]
+    scores = np.empty(asked.shape, np.float32)
     for owner, (begin, end) in enumerate(itertools.pairwise(begins)):
-        of = owners == owner
         table = jaccard_of_each(predictions[begin:end], shapes[owner])
-        scores[of] = table[same[of] - begin, which_shape[of]]
-    return scores.reshape(*rays.shape[:2], each)
+        scores[owner] = table[asked[owner], np.arange(each)]
+    return scores
 
 
 def jaccard_of_each(predictions: np.ndarray, masks: np.ndarray) -> np.ndarray:

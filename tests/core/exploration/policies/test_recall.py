@@ -130,8 +130,10 @@ def test_the_less_was_felt_the_more_shapes_are_recalled(
     tried = []
     monkeypatch.setattr(recall, "try_rays", lambda *what: tried.append(what) or try_rays(*what))
     RecallPolicy("recall", 0, scorer, known).choose(explorations, np.random.default_rng(0), True)
-    expected = [(32, 1024), (32, 256), (16, 64), (16, 48), (16, 48), (16, 48)][rays]
+    expected = recall.TRIED_ON[min(rays, len(recall.TRIED_ON) - 1)]
     assert {(which.shape[1], shape.shape[1]) for _, which, shape in tried} == {expected}
+    shapes_each = [count for _, count in recall.TRIED_ON]
+    assert shapes_each == sorted(set(shapes_each), reverse=True)
 
 
 @settings(max_examples=30, deadline=None)
