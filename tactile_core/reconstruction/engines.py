@@ -67,7 +67,7 @@ class CompiledUNet:
             part = windows[start : start + batch]
             if len(part) < batch:
                 part = np.concatenate([part, np.zeros((batch - len(part), *part.shape[1:]), "f4")])
-            result = self.request(batch).infer([np.ascontiguousarray(part)])[0]
+            result = infer(self.request(batch), np.ascontiguousarray(part))
             found[start : start + batch] = result[: len(windows) - start, 0]
             start += batch
         return found
@@ -96,6 +96,16 @@ class CompiledUNet:
         }
         model = graph(self.net, batch, self.side, self.eight_bits)
         return openvino.Core().compile_model(model, "CPU", options).create_infer_request()
+
+
+def infer(request: Any, given: np.ndarray) -> np.ndarray:
+    """What comes out, valid until the next time. To hand arrays to OpenVINO's own `infer`, which
+    copies both, takes a third of the time for a single image."""
+    import openvino
+
+    request.set_input_tensor(openvino.Tensor(given, shared_memory=True))
+    request.infer(share_outputs=True)
+    return request.get_output_tensor().data
 
 
 def graph(net: UNet, batch: int, side: int, eight_bits: Mapping[str, Tensor]) -> Any:

@@ -83,10 +83,14 @@ def train_ppo(
 
 def new_model(env: BatchedTactileEnv, settings: PolicySettings, seed: int) -> PPO:
     """An untrained PPO with the settings of this stage, on the best device."""
-    return PPO(
+    model = PPO(
         "CnnPolicy",
         env,
-        policy_kwargs={"features_extractor_class": WindowCNN, "optimizer_kwargs": ADAM},
+        policy_kwargs={
+            "features_extractor_class": WindowCNN,
+            "normalize_images": False,
+            "optimizer_kwargs": ADAM,
+        },
         learning_rate=settings.learning_rate,
         n_steps=settings.rays_per_rollout,
         batch_size=settings.batch_size,
@@ -96,6 +100,9 @@ def new_model(env: BatchedTactileEnv, settings: PolicySettings, seed: int) -> PP
         seed=seed,
         device=best_device(),
     )
+    # A fifth of an update's time less; not sooner, as SB3 draws the weights in the usual layout.
+    model.policy.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    return model
 
 
 class Recorder(BaseCallback):

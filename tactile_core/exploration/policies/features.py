@@ -16,13 +16,15 @@ class WindowCNN(NatureCNN):
 
     No shape leaves the middle half of the image (see `reconstruction.unet`): convolving the
     empty rest would take most of the time of an update. In bfloat16 where the processor has it.
+
+    It is given grey values 0–255 (`normalize_images=False`) and divides those of the middle only.
     """
 
     def __init__(
         self,
         observation_space: spaces.Box,
         features_dim: int = 512,
-        normalized_image: bool = False,
+        normalized_image: bool = True,
     ) -> None:
         channels, resolution, _ = observation_space.shape
         # NatureCNN needs 36 pixels at least.
@@ -34,7 +36,8 @@ class WindowCNN(NatureCNN):
 
     def forward(self, observations: Tensor) -> Tensor:
         end = observations.shape[-1] - self.margin
-        window = observations[..., self.margin : end, self.margin : end]
+        window = observations[..., self.margin : end, self.margin : end] / 255
+        window = window.contiguous(memory_format=torch.channels_last)
         device = window.device.type
         with torch.autocast(device, torch.bfloat16, enabled=bfloat16_pays(device)):
             return super().forward(window).float()

@@ -23,6 +23,7 @@ def untrained_net(resolution: int) -> ActorCriticCnnPolicy:
         Interface().action_space(resolution),
         lr_schedule=lambda progress: 0.0,  # it is not trained any further
         features_extractor_class=WindowCNN,
+        normalize_images=False,
     )
 
 

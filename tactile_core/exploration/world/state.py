@@ -187,4 +187,5 @@ def felt_images(touches: np.ndarray, free: np.ndarray, reconstructor: Reconstruc
 
 def to_grey(probabilities: np.ndarray) -> np.ndarray:
     """Probabilities 0–1 as uint8 grey values 0–255."""
-    return np.rint(probabilities * 255).astype(np.uint8)
+    grey = probabilities * np.float32(255)
+    return np.rint(grey, out=grey).astype(np.uint8)

@@ -11,6 +11,8 @@ from tactile_core.dataset.outlines import outline
 from tactile_core.dataset.packed import pack_masks
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.dataset.touches import rasterise_touches
+from tactile_core.reconstruction import epoch
+from tactile_core.reconstruction.inference import Reconstructor
 from tactile_core.reconstruction.jaccard import jaccard_index
 from tactile_core.reconstruction.known_shapes import models_of
 from tactile_core.reconstruction.scores import (
@@ -34,9 +36,22 @@ def tactile_samples(shapes) -> pd.DataFrame:
     )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _in_float32():
+    """bfloat16 moves whole outlines of a net that has learnt for seconds only."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(epoch, "bfloat16_pays", lambda device: False)
+        yield
+
+
 @pytest.fixture(scope="module")
 def table(unet, shapes, tactile_samples) -> pd.DataFrame:
     return evaluate_reconstruction(unet, shapes, tactile_samples)
+
+
+@pytest.fixture(scope="module")
+def reconstructor(unet) -> Reconstructor:
+    return Reconstructor(unet, "float32")
 
 
 def test_each_split_has_a_row_for_table_ii_and_one_for_each_number_of_touches(table):
@@ -58,8 +73,8 @@ def test_table_ii_is_the_mean_over_the_stored_touch_sets(
         scores.extend(jaccard_index(predictions, mask))
         losses.append(-np.log(np.where(mask, predictions, 1 - predictions)).mean())
     row = table[(table["split"] == "test") & table["touches"].isna()].iloc[0]
-    assert row["jaccard"] == pytest.approx(np.mean(scores), abs=0.5)
-    assert row["loss"] == pytest.approx(np.mean(losses), rel=0.02)
+    assert row["jaccard"] == pytest.approx(np.mean(scores), abs=0.05)
+    assert row["loss"] == pytest.approx(np.mean(losses), rel=0.001)
 
 
 def test_without_a_touch_the_score_is_that_of_the_untouched_prediction(
@@ -68,7 +83,7 @@ def test_without_a_touch_the_score_is_that_of_the_untouched_prediction(
     for split, some in shapes.items():
         row = table[(table["split"] == split) & (table["touches"] == 0)].iloc[0]
         expected = jaccard_index(reconstructor.untouched, some.masks).mean()
-        assert row["jaccard"] == pytest.approx(expected, abs=0.5)
+        assert row["jaccard"] == pytest.approx(expected, abs=0.05)
 
 
 def test_ten_touches_tell_more_than_one(table):
