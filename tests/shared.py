@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,17 @@ def shared_folder(factory: pytest.TempPathFactory) -> Path:
     own = factory.getbasetemp()
     # The processes of pytest-xdist have folders of their own inside that of the run.
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
+def copied(home: Path | str, copy: Path, symlinks: bool = False) -> Path:
+    """A copy of a home that others read meanwhile: what SQLite keeps beside a database goes when
+    the last of them closes it, be it while it is copied. Then it is copied again."""
+    for _ in range(10):
+        try:
+            return Path(shutil.copytree(home, copy, symlinks=symlinks))
+        except shutil.Error:
+            shutil.rmtree(copy)
+    return Path(shutil.copytree(home, copy, symlinks=symlinks))
 
 
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[], Any]) -> Any:

@@ -19,13 +19,14 @@ from tactile_core.errors import TactileError
 from tactile_core.parquet import read_table, write_table
 from tests.assets.running import ALL, TINY, Platform, nothing, shell
 from tests.disks import small_disk
+from tests.shared import copied
 
 
 @pytest.fixture
 def lived_in(chain, tmp_path) -> Iterator[Platform]:
     """The home of the finished run with its records, copied."""
     home = tmp_path / "home"
-    shutil.copytree(chain.home, home, symlinks=True)
+    copied(chain.home, home, symlinks=True)
     with dg.DagsterInstance.from_config(str(home / "dagster")) as instance:
         yield Platform(home, instance)
 

@@ -20,6 +20,7 @@ from tactile_core.parquet import read_table
 from tactile_core.reconstruction.trained import load_unet
 from tactile_core.settings import PruneSettings
 from tests.assets.running import ALL, Platform, nothing
+from tests.shared import copied
 
 EVERYTHING = PruneSettings(days=0, runs=0)
 
@@ -28,7 +29,7 @@ EVERYTHING = PruneSettings(days=0, runs=0)
 def aged(chain, tmp_path) -> Platform:
     """The home of the finished run, copied, with what an earlier life would have left in it."""
     home = tmp_path / "home"
-    shutil.copytree(chain.home, home, symlinks=True)
+    copied(chain.home, home, symlinks=True)
     with dg.DagsterInstance.from_config(str(home / "dagster")) as instance:
         platform = Platform(home, instance)
         for status in (DagsterRunStatus.FAILURE, DagsterRunStatus.STARTED):

@@ -27,6 +27,7 @@ from tactile_core.errors import TactileError
 from tactile_core.evaluation.tables import NO_INTERVAL
 from tactile_core.parquet import read_table, write_table
 from tests.assets.running import Platform
+from tests.shared import copied
 
 PUBLISHED = [file.parent for file in sorted(RESULTS.glob("*/run.json"))]
 
@@ -150,7 +151,7 @@ def test_a_run_is_published_with_the_command_commit_and_machine_that_made_it(
 
 
 def test_results_of_several_runs_are_not_published(chain, elsewhere, tmp_path, monkeypatch):
-    shutil.copytree(chain.home, tmp_path / "home")
+    copied(chain.home, tmp_path / "home")
     with dg.DagsterInstance.from_config(str(tmp_path / "home" / "dagster")) as instance:
         copy = Platform(tmp_path / "home", instance)
         copy.materialise("outlines")
@@ -162,7 +163,7 @@ def test_results_of_several_runs_are_not_published(chain, elsewhere, tmp_path, m
 def test_what_another_home_stored_is_not_published_with_the_records_of_this_one(
     chain, elsewhere, tmp_path, monkeypatch
 ):
-    shutil.copytree(chain.home, tmp_path / "home", symlinks=True)
+    copied(chain.home, tmp_path / "home", symlinks=True)
     table = tmp_path / "home" / "artifacts" / "reconstruction_evaluation.parquet"
     write_table(read_table(table).assign(jaccard=99.0), table)
     other = r"Other content than this home made, as its records tell: reconstruction_evaluation\."
@@ -217,7 +218,7 @@ def test_of_an_earlier_run_nothing_stays_on_the_page(chain, elsewhere, monkeypat
 def test_a_figure_that_is_missing_is_named_with_its_asset_and_leaves_the_page_as_it_was(
     chain, elsewhere, tmp_path, monkeypatch
 ):
-    shutil.copytree(chain.home, tmp_path / "home", symlinks=True)
+    copied(chain.home, tmp_path / "home", symlinks=True)
     (tmp_path / "home" / "artifacts" / "figures" / "figure_5.png").unlink()
     (elsewhere / "some").mkdir(parents=True)
     (elsewhere / "some" / "run.json").write_text("{}")

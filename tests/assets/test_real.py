@@ -1,6 +1,5 @@
 """The evaluations again, on real meshes: there where TACTILE_REAL names some, and nowhere else."""
 
-import shutil
 from collections.abc import Iterator
 
 import dagster as dg
@@ -17,6 +16,7 @@ from tactile_core.parquet import read_table
 from tactile_core.reconstruction.trained import load_unet
 from tactile_core.settings import MeshSettings
 from tests.assets.running import Platform, run_for, shell
+from tests.shared import copied
 
 NAMES = ["real_shapes", "real_rollouts", "real_per_step_evaluation", "real_per_grasp_evaluation"]
 EVALUATIONS = {"real_per_step": "per_step", "real_per_grasp": "per_grasp"}
@@ -38,7 +38,7 @@ def scans(tmp_path_factory):
 def evaluated(chain, scans, tmp_path_factory) -> Iterator[Platform]:
     """A home where the finished run's policies have been evaluated on the scans; not to be
     changed."""
-    home = shutil.copytree(chain.home, tmp_path_factory.mktemp("real") / "home")
+    home = copied(chain.home, tmp_path_factory.mktemp("real") / "home")
     fields = {
         f"real_{evaluation}": run_for((evaluation,))["ops"][evaluation]
         for evaluation in ("rollouts", "per_step_evaluation", "per_grasp_evaluation")

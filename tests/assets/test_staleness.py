@@ -1,7 +1,5 @@
 """What is fresh and what is stale after a change, as the UI shows it."""
 
-import shutil
-
 import dagster as dg
 
 from tactile_assets.code_versions import code_version
@@ -10,6 +8,7 @@ from tactile_assets.dagster_internals import stale_assets
 from tactile_assets.definitions import defs
 from tactile_assets.reconstruction import UNET_CODE
 from tests.assets.running import ALL, Platform, run_for
+from tests.shared import copied
 
 
 def stale(platform: Platform, definitions: dg.Definitions) -> set[str]:
@@ -37,7 +36,7 @@ def test_a_changed_setting_makes_its_own_asset_stale_and_nothing_upstream(chain)
 
 
 def test_another_unet_makes_what_is_made_from_it_stale(chain, tmp_path):
-    shutil.copytree(chain.home, tmp_path / "home")
+    copied(chain.home, tmp_path / "home")
     with dg.DagsterInstance.from_config(str(tmp_path / "home" / "dagster")) as instance:
         copy = Platform(tmp_path / "home", instance)
         copy.materialise("unet", config=run_for(("unet",), unet={"epochs": 1}))
@@ -49,7 +48,7 @@ def test_another_unet_makes_what_is_made_from_it_stale(chain, tmp_path):
 
 
 def test_equal_data_leaves_everything_fresh(chain, tmp_path):
-    shutil.copytree(chain.home, tmp_path / "home")
+    copied(chain.home, tmp_path / "home")
     with dg.DagsterInstance.from_config(str(tmp_path / "home" / "dagster")) as instance:
         copy = Platform(tmp_path / "home", instance)
         copy.materialise("outlines")

@@ -6,7 +6,6 @@ with TACTILE_SCREENSHOTS_OF=<home> they show a copy of that home in place of the
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ from playwright.sync_api import Page, Response, expect
 from tactile_assets.paths import REPOSITORY
 from tests.assets.running import ALL, plain
 from tests.browser import browser_page
+from tests.shared import copied
 
 ASSETS = "/assets"
 MARGIN = 12  # pixels
@@ -28,7 +28,7 @@ LAUNCHPAD = "/locations/tactile-exploration/jobs/dataset/playground"
 def pages(home, finished, tmp_path_factory) -> Iterator[dict[str, str]]:
     """The addresses that the command of `make ui` prints, by their names, on a copy of the home."""
     copy = tmp_path_factory.mktemp("ui") / "home"
-    shutil.copytree(os.environ.get("TACTILE_SCREENSHOTS_OF", home), copy)
+    copied(os.environ.get("TACTILE_SCREENSHOTS_OF", home), copy)
     process = subprocess.Popen(
         ["bash", "-c", ". ./environment.sh && exec python -m tactile_assets.ui"],
         cwd=REPOSITORY,
