@@ -15,7 +15,7 @@ from upath import UPath
 from tactile_core.checkpoints import load_checkpoint, save_checkpoint
 from tactile_core.dataset.shapes import Shapes
 from tactile_core.exploration.learning.approach import Approach
-from tactile_core.exploration.policies.features import WindowCNN
+from tactile_core.exploration.policies.features import READS_THE_WINDOW
 from tactile_core.exploration.world.vec_env import BatchedTactileEnv
 from tactile_core.progress import teller
 from tactile_core.reconstruction.inference import Reconstructor, best_device
@@ -86,11 +86,7 @@ def new_model(env: BatchedTactileEnv, settings: PolicySettings, seed: int) -> PP
     model = PPO(
         "CnnPolicy",
         env,
-        policy_kwargs={
-            "features_extractor_class": WindowCNN,
-            "normalize_images": False,
-            "optimizer_kwargs": ADAM,
-        },
+        policy_kwargs={**READS_THE_WINDOW, "optimizer_kwargs": ADAM},
         learning_rate=settings.learning_rate,
         n_steps=settings.rays_per_rollout,
         batch_size=settings.batch_size,

@@ -1,5 +1,7 @@
 """What PPO's CnnPolicy reads from an observation."""
 
+from typing import Any
+
 import numpy as np
 import torch
 from gymnasium import spaces
@@ -17,7 +19,7 @@ class WindowCNN(NatureCNN):
     No shape leaves the middle half of the image (see `reconstruction.unet`): convolving the
     empty rest would take most of the time of an update. In bfloat16 where the processor has it.
 
-    It is given grey values 0–255 (`normalize_images=False`) and divides those of the middle only.
+    It is given grey values 0–255 (see `READS_THE_WINDOW`) and divides those of the middle only.
     """
 
     def __init__(
@@ -41,3 +43,10 @@ class WindowCNN(NatureCNN):
         device = window.device.type
         with torch.autocast(device, torch.bfloat16, enabled=bfloat16_pays(device)):
             return super().forward(window).float()
+
+
+# Of SB3's CnnPolicy: it would divide the whole image by 255.
+READS_THE_WINDOW: dict[str, Any] = {
+    "features_extractor_class": WindowCNN,
+    "normalize_images": False,
+}

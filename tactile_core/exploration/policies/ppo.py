@@ -10,7 +10,7 @@ from stable_baselines3.common.policies import ActorCriticCnnPolicy, ActorCriticP
 from torch import Tensor
 
 from tactile_core.exploration.policies.base import weights_version
-from tactile_core.exploration.policies.features import WindowCNN
+from tactile_core.exploration.policies.features import READS_THE_WINDOW
 from tactile_core.exploration.world.circle import report_order
 from tactile_core.exploration.world.interface import Interface
 from tactile_core.exploration.world.state import Explorations
@@ -22,8 +22,7 @@ def untrained_net(resolution: int) -> ActorCriticCnnPolicy:
         Interface().observation_space(resolution),
         Interface().action_space(resolution),
         lr_schedule=lambda progress: 0.0,  # it is not trained any further
-        features_extractor_class=WindowCNN,
-        normalize_images=False,
+        **READS_THE_WINDOW,
     )
 
 
